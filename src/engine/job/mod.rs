@@ -1,0 +1,7 @@
+//! Work off the window's thread: progress, stopping, named workers, newest-wins slots.
+//!
+//! May use: std. Must not touch: any domain word.
+
+mod progress;
+
+pub use progress::{Progress, ProgressReport, Stopped};

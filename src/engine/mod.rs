@@ -1,0 +1,5 @@
+//! Machinery that knows no word of the domain.
+//!
+//! May use: std. Must not touch: any domain word.
+
+pub mod job;

@@ -1,0 +1,87 @@
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::{Camera, Pose};
+
+/// How a stored picture must be turned to be seen upright: the EXIF orientation, 1 to 8.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Orientation(pub u8);
+
+impl Default for Orientation {
+    fn default() -> Self {
+        Self(1)
+    }
+}
+
+/// Where a frame's picture comes from. Sources are referenced, never copied or changed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PictureSource {
+    /// A picture file.
+    File {
+        /// Absolute path.
+        path: PathBuf,
+        /// Turn to apply when shown.
+        #[serde(default)]
+        orientation: Orientation,
+    },
+    /// A picture of a film, decoded on demand.
+    Film {
+        /// Absolute path of the film.
+        path: PathBuf,
+        /// Which picture of the film, from 0.
+        index: u64,
+        /// Its time in seconds from the start.
+        time_s: f64,
+    },
+}
+
+/// Where a frame's depth comes from: a 16-bit picture, pixel for pixel with the stored colour picture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DepthSource {
+    /// Absolute path.
+    pub path: PathBuf,
+    /// World units (metres) per step of the stored value; stored 0 and 65535 mean unknown.
+    pub unit: f64,
+    /// Turn to apply, that of the colour picture.
+    #[serde(default)]
+    pub orientation: Orientation,
+}
+
+/// The camera of one frame, for the picture as it is shown (turned upright).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FrameCamera {
+    /// Intrinsics.
+    pub intrinsics: Camera,
+    /// `None` while only the intrinsics are known.
+    pub camera_from_world: Option<Pose>,
+}
+
+/// One picture of the sequence, with what is known of it. Pixels are loaded through [`super::FrameStore`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Frame {
+    /// Unique in the project: the path below the folder given, with `/`; for a film `FILM/000123`.
+    pub name: String,
+    /// Columns of the picture as shown (turned upright).
+    pub width: u32,
+    /// Rows of the picture as shown.
+    pub height: u32,
+    /// Where the picture comes from.
+    pub picture: PictureSource,
+    /// Where depth comes from, where there is any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth: Option<DepthSource>,
+    /// The camera, where it is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<FrameCamera>,
+}
+
+impl Frame {
+    /// Intrinsics and `camera_from_world`, where both are known.
+    #[must_use]
+    pub fn posed_camera(&self) -> Option<(&Camera, &Pose)> {
+        let camera = self.camera.as_ref()?;
+        Some((&camera.intrinsics, camera.camera_from_world.as_ref()?))
+    }
+}

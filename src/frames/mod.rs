@@ -1,0 +1,13 @@
+//! Pictures in order: frames, images, depth maps; opening folders, films and RGB-D recordings; a bounded cache.
+//!
+//! May use: geometry, engine::job. Must not touch: labels, GPU.
+
+mod error;
+mod frame;
+mod image;
+mod store;
+
+pub use error::FrameError;
+pub use frame::{DepthSource, Frame, FrameCamera, Orientation, PictureSource};
+pub use image::{DepthMap, Image};
+pub use store::FrameStore;

@@ -1,0 +1,118 @@
+use glam::{DMat3, DMat4, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+use super::GeometryError;
+
+/// A rigid transform `target_from_source`: `x_in_target = rotation · x_in_source + translation`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Pose {
+    /// Unit quaternion.
+    pub rotation: DQuat,
+    /// In units of the target space.
+    pub translation: DVec3,
+}
+
+impl Default for Pose {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+impl Pose {
+    /// The transform that changes nothing.
+    pub const IDENTITY: Self = Self { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+
+    /// From a 3×3 matrix that is a rotation up to rounding in a file (real files have errors of 2e-4): the nearest
+    /// rotation is taken.
+    ///
+    /// # Errors
+    /// [`GeometryError::NotFinite`] for NaN or infinity, [`GeometryError::NotARotation`] beyond a distance of 0.05
+    /// (a reflection or a scaled matrix among them).
+    pub fn from_matrix(rotation: DMat3, translation: DVec3) -> Result<Self, GeometryError> {
+        if !rotation.is_finite() || !translation.is_finite() {
+            return Err(GeometryError::NotFinite { what: "pose".into() });
+        }
+        let nearest = nearest_rotation(rotation);
+        let difference = nearest - rotation;
+        let error = difference.to_cols_array().iter().map(|v| v * v).sum::<f64>().sqrt();
+        if error > 0.05 {
+            return Err(GeometryError::NotARotation { error });
+        }
+        Ok(Self { rotation: DQuat::from_mat3(&nearest).normalize(), translation })
+    }
+
+    /// `source_from_target`.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.conjugate();
+        Self { rotation, translation: -(rotation * self.translation) }
+    }
+
+    /// `self · other`: first `other`, then `self`.
+    #[must_use]
+    pub fn compose(&self, other: &Self) -> Self {
+        Self {
+            rotation: (self.rotation * other.rotation).normalize(),
+            translation: self.rotation * other.translation + self.translation,
+        }
+    }
+
+    /// Moves a point from the source space to the target space.
+    #[must_use]
+    pub fn transform(&self, x_in_source: DVec3) -> DVec3 {
+        self.rotation * x_in_source + self.translation
+    }
+
+    /// The camera centre in world space when `self` is `camera_from_world`.
+    #[must_use]
+    pub fn centre(&self) -> DVec3 {
+        -(self.rotation.conjugate() * self.translation)
+    }
+
+    /// The 4×4 matrix of the transform.
+    #[must_use]
+    pub fn matrix(&self) -> DMat4 {
+        DMat4::from_rotation_translation(self.rotation, self.translation)
+    }
+}
+
+/// The rotation nearest to `matrix` in Frobenius norm (polar decomposition by SVD).
+fn nearest_rotation(matrix: DMat3) -> DMat3 {
+    let m = nalgebra::Matrix3::from_column_slice(&matrix.to_cols_array());
+    let svd = m.svd(true, true);
+    let (Some(u), Some(mut vt)) = (svd.u, svd.v_t) else { return DMat3::IDENTITY };
+    if (u * vt).determinant() < 0.0 {
+        vt.row_mut(2).neg_mut();
+    }
+    let r = u * vt;
+    DMat3::from_cols_slice(r.as_slice())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slightly_off_rotation_is_put_right() {
+        let exact = DMat3::from_rotation_y(0.7);
+        let off = exact + DMat3::from_cols_array(&[2e-4; 9]);
+        let pose = Pose::from_matrix(off, DVec3::X).unwrap();
+        let r = DMat3::from_quat(pose.rotation);
+        assert!((r * r.transpose() - DMat3::IDENTITY).to_cols_array().iter().all(|v| v.abs() < 1e-12));
+        assert!(r.abs_diff_eq(exact, 1e-3));
+    }
+
+    #[test]
+    fn reflection_and_nan_are_refused() {
+        assert!(Pose::from_matrix(DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0)), DVec3::ZERO).is_err());
+        assert!(Pose::from_matrix(DMat3::IDENTITY, DVec3::NAN).is_err());
+    }
+
+    #[test]
+    fn inverse_and_centre() {
+        let pose = Pose { rotation: DQuat::from_rotation_x(0.3), translation: DVec3::new(1.0, 2.0, 3.0) };
+        assert!(pose.transform(pose.centre()).length() < 1e-12);
+        let x = DVec3::new(0.2, -4.0, 9.0);
+        assert!(pose.inverse().transform(pose.transform(x)).abs_diff_eq(x, 1e-12));
+    }
+}

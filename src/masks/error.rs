@@ -1,0 +1,37 @@
+use std::path::PathBuf;
+
+use crate::engine::job::Stopped;
+use crate::frames::FrameError;
+
+/// What can go wrong with labels and masks; each says what the user can do.
+#[derive(Debug, thiserror::Error)]
+pub enum MaskError {
+    /// A file or folder cannot be read or written.
+    #[error("{}: cannot be read or written ({source}); check that it exists and its permissions", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A mask file's content is damaged or does not fit its frame.
+    #[error("{}: {what}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        what: String,
+    },
+    /// A label that is not there, twice there, or a parent that would make a circle.
+    #[error("{0}")]
+    Label(String),
+    /// A prompt or request that cannot be answered.
+    #[error("{0}")]
+    Request(String),
+    /// A frame could not be read.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// The user stopped it.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
+}

@@ -1,0 +1,105 @@
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::{LabelId, LabelMask, MaskError, Prompt, Region};
+use crate::engine::job::Progress;
+use crate::frames::{DepthMap, Frame, FrameStore, Image};
+
+/// Turns prompts into the pixels of an object.
+pub trait Segmenter: Send + Sync {
+    /// Its name on the command line, e.g. `builtin`.
+    fn name(&self) -> &'static str;
+
+    /// Does all the work on a frame that no prompt is needed for (features, encoder); run ahead in the background.
+    ///
+    /// # Errors
+    /// [`MaskError::Stopped`], or what the engine says.
+    fn prepare(
+        &self,
+        image: &Arc<Image>,
+        depth: Option<&Arc<DepthMap>>,
+        progress: &Progress,
+    ) -> Result<Arc<dyn PreparedFrame>, MaskError>;
+}
+
+/// A frame made ready by a [`Segmenter`]; answers prompts quickly.
+pub trait PreparedFrame: Send + Sync {
+    /// The object's pixels. Every include click is inside, every exclude click outside.
+    ///
+    /// # Errors
+    /// [`MaskError::Request`] for an empty prompt or one outside the picture.
+    fn segment(&self, request: &SegmentRequest<'_>) -> Result<Region, MaskError>;
+
+    /// Bytes held, for the cache of prepared frames.
+    fn bytes(&self) -> usize;
+}
+
+/// What is asked of a [`PreparedFrame`].
+#[derive(Debug, Clone, Copy)]
+pub struct SegmentRequest<'a> {
+    /// All clicks and boxes given for the object on this frame.
+    pub prompt: &'a Prompt,
+    /// The answer before the last click, which the new one refines; none for the first.
+    pub previous: Option<&'a Region>,
+    /// Pixels that belong to other labels and may not be taken.
+    pub taken: Option<&'a Region>,
+}
+
+/// Which way masks are carried from an anchor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Direction {
+    /// Every frame takes from anchors on both sides.
+    #[default]
+    Both,
+    /// From an anchor to later frames.
+    Forward,
+    /// From an anchor to earlier frames.
+    Backward,
+}
+
+/// What a [`Tracker`] is given: snapshots of everything it reads.
+#[derive(Clone)]
+pub struct TrackRequest {
+    /// All frames of the project, in order.
+    pub frames: Arc<Vec<Frame>>,
+    /// Where pictures and depths are loaded.
+    pub store: Arc<FrameStore>,
+    /// The masks that are held fixed, by frame number; they may lie outside the range.
+    pub anchors: BTreeMap<usize, Arc<LabelMask>>,
+    /// First frame to track.
+    pub from: usize,
+    /// Last frame to track (included).
+    pub to: usize,
+    /// Which way masks go.
+    pub direction: Direction,
+}
+
+/// One frame's answer of a [`Tracker`].
+#[derive(Debug, Clone)]
+pub struct TrackedFrame {
+    /// Frame number.
+    pub frame: usize,
+    /// Its mask.
+    pub mask: LabelMask,
+    /// Per label in the mask, how sure the tracker is, 0–1.
+    pub confidence: BTreeMap<LabelId, f32>,
+}
+
+/// Carries anchors' masks to the other frames.
+pub trait Tracker: Send + Sync {
+    /// Its name on the command line, e.g. `geometry`.
+    fn name(&self) -> &'static str;
+
+    /// Tracks; hands each finished frame to `emit` as soon as it is done, never an anchor. Frames that it cannot
+    /// answer (no depth, no camera) are left out and named in the warnings returned.
+    ///
+    /// # Errors
+    /// [`MaskError::Request`] when there is no anchor or no frame that can be answered; [`MaskError::Stopped`].
+    fn track(
+        &self,
+        request: &TrackRequest,
+        emit: &mut dyn FnMut(TrackedFrame),
+        progress: &Progress,
+    ) -> Result<Vec<String>, MaskError>;
+}

@@ -1,0 +1,42 @@
+use std::path::PathBuf;
+
+use crate::engine::job::Stopped;
+use crate::frames::FrameError;
+use crate::geometry::GeometryError;
+use crate::masks::MaskError;
+
+/// What can go wrong between frames and the labelled scene; each says what the user can do.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// A file cannot be read or written.
+    #[error("{}: cannot be read or written ({source}); check that it exists and its permissions", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file's content is damaged or of another kind.
+    #[error("{}: {what}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and what to do.
+        what: String,
+    },
+    /// Something is asked for that the input cannot give.
+    #[error("{0}")]
+    Request(String),
+    /// A frame could not be read.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// A mask could not be read.
+    #[error(transparent)]
+    Mask(#[from] MaskError),
+    /// Degenerate geometry.
+    #[error(transparent)]
+    Geometry(#[from] GeometryError),
+    /// The user stopped it.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
+}

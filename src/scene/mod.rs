@@ -1,0 +1,10 @@
+//! Frames + masks → cameras, depths, cloud, mesh, voxels; the vote; masks carried through geometry.
+//!
+//! May use: masks, frames, geometry, engine::job; only GPU twins use engine::gpu, only `sfm/onnx` engine::nn.
+//! Must not touch: Project, UI.
+
+mod cloud;
+mod error;
+
+pub use cloud::LabelledCloud;
+pub use error::SceneError;
