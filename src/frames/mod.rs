@@ -2,6 +2,7 @@
 //!
 //! May use: geometry, engine::job. Must not touch: labels, GPU.
 
+pub mod cameras;
 mod error;
 mod frame;
 mod image;
