@@ -25,3 +25,6 @@ pub use attach::attach_intrinsics;
 pub use colmap_points::{SparsePoint, read_sparse_points};
 pub use colmap_write::write_colmap_model;
 pub use given::{CameraKey, Focal, GivenCamera, GivenCameras, GivenIntrinsics};
+
+#[cfg(test)]
+mod tests;
