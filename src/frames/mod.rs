@@ -5,9 +5,11 @@
 mod error;
 mod frame;
 mod image;
+mod open;
 mod store;
 
 pub use error::FrameError;
 pub use frame::{DepthSource, Frame, FrameCamera, Orientation, PictureSource};
 pub use image::{DepthMap, Image};
+pub use open::{FrameFolder, OpenRequest};
 pub use store::FrameStore;
