@@ -1,1 +1,2 @@
+//! The benches.
 fn main() {}
