@@ -1,1 +1,7 @@
-//! Integration tests: headless.
+//! Tests of everything below the window, on real data and as a process: one module a subject.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod frames;
+mod shared;
