@@ -6,6 +6,7 @@
 mod components;
 mod distance;
 mod edit;
+pub mod builtin;
 mod error;
 mod label;
 mod mask;
@@ -13,6 +14,7 @@ mod outline;
 mod prompt;
 mod region;
 mod runs;
+mod robot;
 mod seam;
 
 pub use components::{Components, Connectivity, components};
@@ -25,4 +27,5 @@ pub use outline::{Outline, outlines, simplified_ring};
 pub use prompt::{Click, Prompt, PxBox};
 pub use region::Region;
 pub use runs::{Extent, RunMask};
+pub use robot::next_click;
 pub use seam::{Direction, PreparedFrame, SegmentRequest, Segmenter, TrackRequest, TrackedFrame, Tracker};
