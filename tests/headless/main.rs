@@ -1,7 +1,10 @@
 //! Tests of everything below the window, on real data and as a process: one module a subject.
 
+#[cfg(test)]
 #[path = "../support/mod.rs"]
 mod support;
 
+#[cfg(test)]
 mod frames;
+#[cfg(test)]
 mod shared;
