@@ -3,18 +3,18 @@
 //!
 //! May use: frames, engine::job. Only `onnx/` uses engine::nn. Must not touch: cameras, 3-D, UI.
 
+pub mod builtin;
 mod components;
 mod distance;
 mod edit;
-pub mod builtin;
 mod error;
 mod label;
 mod mask;
 mod outline;
 mod prompt;
 mod region;
-mod runs;
 mod robot;
+mod runs;
 mod seam;
 
 pub use components::{Components, Connectivity, components};
@@ -26,6 +26,6 @@ pub use mask::LabelMask;
 pub use outline::{Outline, outlines, simplified_ring};
 pub use prompt::{Click, Prompt, PxBox};
 pub use region::Region;
-pub use runs::{Extent, RunMask};
 pub use robot::next_click;
+pub use runs::{Extent, RunMask};
 pub use seam::{Direction, PreparedFrame, SegmentRequest, Segmenter, TrackRequest, TrackedFrame, Tracker};

@@ -85,10 +85,19 @@ fn room_of(path: &str) -> Option<&'static (&'static str, &'static [&'static str]
 fn rooms_named(code: &str) -> BTreeSet<String> {
     let mut named = BTreeSet::new();
     for rest in code.split("crate::").skip(1) {
-        assert!(!rest.starts_with('{') && !rest.starts_with('*'), "name one room per `use crate::`: {}", &rest[..40.min(rest.len())]);
-        let words: Vec<&str> = rest.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|w| !w.is_empty()).collect();
+        assert!(
+            !rest.starts_with('{') && !rest.starts_with('*'),
+            "name one room per `use crate::`: {}",
+            &rest[..40.min(rest.len())]
+        );
+        let words: Vec<&str> =
+            rest.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|w| !w.is_empty()).collect();
         let Some(&first) = words.first() else { continue };
-        named.insert(if first == "engine" { format!("engine::{}", words.get(1).unwrap_or(&"")) } else { first.to_owned() });
+        named.insert(if first == "engine" {
+            format!("engine::{}", words.get(1).unwrap_or(&""))
+        } else {
+            first.to_owned()
+        });
     }
     named
 }
@@ -116,15 +125,22 @@ fn words_stay_in_their_rooms() {
     for source in sources() {
         for (word, rooms) in WORDS {
             let said = source.code.match_indices(word).any(|(at, _)| {
-                !source.code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || (c == 'e' && *word == "print!"))
+                !source.code[..at]
+                    .ends_with(|c: char| c.is_alphanumeric() || c == '_' || (c == 'e' && *word == "print!"))
             });
-            let home = rooms.iter().any(|room| source.path.starts_with(&format!("{room}/"))) || source.path == "main.rs";
+            let home =
+                rooms.iter().any(|room| source.path.starts_with(&format!("{room}/"))) || source.path == "main.rs";
             if said && !home {
                 wrong.push(format!("src/{} says {word}", source.path));
             }
         }
         if source.path.starts_with("geometry/") {
-            wrong.extend(IMPURE.iter().filter(|word| source.code.contains(**word)).map(|word| format!("src/{} says {word}", source.path)));
+            wrong.extend(
+                IMPURE
+                    .iter()
+                    .filter(|word| source.code.contains(**word))
+                    .map(|word| format!("src/{} says {word}", source.path)),
+            );
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
@@ -132,15 +148,21 @@ fn words_stay_in_their_rooms() {
 
 #[test]
 fn only_scene_gpu_twins_name_the_gpu() {
-    let twins: Vec<String> =
-        sources().into_iter().filter(|source| source.path.starts_with("scene/") && source.code.contains("engine::gpu")).map(|source| source.path).collect();
+    let twins: Vec<String> = sources()
+        .into_iter()
+        .filter(|source| source.path.starts_with("scene/") && source.code.contains("engine::gpu"))
+        .map(|source| source.path)
+        .collect();
     assert!(twins.iter().all(|path| path.ends_with("gpu.rs")), "{twins:?}");
 }
 
 #[test]
 fn files_are_short() {
-    let long: Vec<String> =
-        sources().iter().filter(|source| source.lines > 500).map(|source| format!("{}: {}", source.path, source.lines)).collect();
+    let long: Vec<String> = sources()
+        .iter()
+        .filter(|source| source.lines > 500)
+        .map(|source| format!("{}: {}", source.path, source.lines))
+        .collect();
     assert!(long.is_empty(), "above 500 lines: {long:#?}");
 }
 
@@ -149,10 +171,16 @@ fn every_room_has_its_sign_and_nothing_but_it() {
     for source in sources().iter().filter(|source| source.path.ends_with("mod.rs")) {
         let text = std::fs::read_to_string(src().join(&source.path)).unwrap();
         assert!(text.starts_with("//!"), "src/{} has no sign", source.path);
-        let defines = ["fn ", "struct ", "enum ", "impl "].iter().any(|word| source.code.lines().any(|line| line.trim_start_matches("pub ").starts_with(word)));
+        let defines = ["fn ", "struct ", "enum ", "impl "]
+            .iter()
+            .any(|word| source.code.lines().any(|line| line.trim_start_matches("pub ").starts_with(word)));
         assert!(!defines, "src/{}: code lives in named files", source.path);
         if source.path.matches('/').count() == 1 && source.path != "engine/mod.rs" {
-            assert!(text.contains("May use") && text.contains("Must not touch"), "src/{}: the sign says what the room may use", source.path);
+            assert!(
+                text.contains("May use") && text.contains("Must not touch"),
+                "src/{}: the sign says what the room may use",
+                source.path
+            );
         }
     }
 }
