@@ -5,6 +5,7 @@
 
 mod cloud;
 mod error;
+pub mod ply;
 
-pub use cloud::LabelledCloud;
+pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;
