@@ -5,7 +5,9 @@
 
 mod cloud;
 mod error;
+pub mod fuse;
 pub mod ply;
+pub mod points;
 
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;
