@@ -5,6 +5,8 @@
 
 mod cloud;
 mod error;
+pub mod measure;
+pub mod synthetic;
 
 pub use cloud::LabelledCloud;
 pub use error::SceneError;
