@@ -8,6 +8,8 @@ mod error;
 pub mod fuse;
 pub mod ply;
 pub mod points;
+pub mod measure;
+pub mod synthetic;
 
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;
