@@ -2,6 +2,12 @@
 //!
 //! May use: std. Must not touch: any domain word.
 
+mod latest;
+mod pool;
 mod progress;
+mod running;
 
+pub use latest::Latest;
+pub use pool::{Full, Pool};
 pub use progress::{Progress, ProgressReport, Stopped};
+pub use running::{JobError, Running};
