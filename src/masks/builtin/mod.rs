@@ -3,6 +3,7 @@
 //! May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
 mod appearance;
+mod change;
 mod color;
 mod depth_edges;
 mod edges;
@@ -16,4 +17,5 @@ mod query;
 mod regions;
 mod segmenter;
 
+pub use query::ORACLE;
 pub use segmenter::BuiltinSegmenter;
