@@ -14,10 +14,7 @@ use super::{Click, Region};
 /// When the two regions differ in size.
 #[must_use]
 pub fn next_click(truth: &Region, current: &Region) -> Option<Click> {
-    assert!(
-        truth.width == current.width && truth.height == current.height,
-        "truth and answer are of one frame"
-    );
+    assert!(truth.width == current.width && truth.height == current.height, "truth and answer are of one frame");
     let component = largest_error(truth, current)?;
     let at = deepest(&component, truth.width as usize);
     let (x, y) = (at % truth.width as usize, at / truth.width as usize);

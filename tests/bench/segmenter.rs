@@ -17,7 +17,8 @@ const SHOWN: [usize; 5] = [1, 3, 5, 10, 20];
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
     let parts = ["davis", "shelf", "time"];
-    let wants = |part: &str| words.iter().any(|word| word == part) || !words.iter().any(|word| parts.contains(&&**word));
+    let wants =
+        |part: &str| words.iter().any(|word| word == part) || !words.iter().any(|word| parts.contains(&&**word));
     let names: Vec<&str> = words.iter().map(|word| &**word).filter(|word| !parts.contains(word)).collect();
     let data = std::env::var_os("OSTRA_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
     if !data.is_dir() {
@@ -169,7 +170,6 @@ fn play(name: &str, image: &Arc<Image>, depth: Option<&Arc<DepthMap>>, truth: &R
     let mut run = Run { ious: Vec::new(), answers: Vec::new(), prepared: start.elapsed() };
     let mut answer = Region::empty(truth.width, truth.height);
     let mut prompt = Prompt::default();
-    if std::env::var("ORACLE").is_ok() { *ostra::masks::builtin::ORACLE.lock().unwrap() = Some(truth.clone()); }
     while let Some(click) = next_click(truth, &answer).filter(|_| run.ious.len() < cap) {
         prompt.clicks.push(click);
         let start = Instant::now();

@@ -1,27 +1,25 @@
 //! From prompts to an answer: every click changes one connected part of the last answer.
 
 use super::appearance::Palette;
-use super::change::Change;
-use super::energy::Role;
+use super::candidates::{CandidateOptions, candidates};
+use super::choice::{best, kind_of};
 use super::graph::RegionGraph;
+use super::situation::Situation;
 use crate::masks::{Click, PxBox, Region};
-
-/// dbg
-pub static ORACLE: std::sync::Mutex<Option<Region>> = std::sync::Mutex::new(None);
 
 /// An answer in the making.
 pub(super) struct Query<'a> {
-    pub(super) graph: &'a RegionGraph,
-    pub(super) palette: &'a Palette,
+    graph: &'a RegionGraph,
+    palette: &'a Palette,
     previous: Option<&'a Region>,
     taken: Option<&'a Region>,
     /// Regions mostly taken by other labels.
     closed: Vec<bool>,
     /// Which regions are (mostly) in the answer.
-    pub(super) inside: Vec<bool>,
+    inside: Vec<bool>,
     /// Regions that a prompt decided; the others keep their pixels of the previous answer.
     decided: Vec<bool>,
-    pub(super) clicks: Vec<(Click, u32)>,
+    clicks: Vec<(Click, u32)>,
 }
 
 impl<'a> Query<'a> {
@@ -55,40 +53,29 @@ impl<'a> Query<'a> {
         let (x, y) = (click.at_px.x as usize, click.at_px.y as usize);
         let region = self.graph.of_pixel[y * self.graph.width + x];
         self.clicks.push((*click, region));
-        let at = region as usize;
-        if !is_new || self.closed[at] {
+        if !is_new {
             return;
         }
-        if self.inside[at] == click.include {
-            self.decided[at] = true;
-            return;
-        }
-        for (at, changes) in self.change(click, region).into_iter().enumerate() {
-            if changes {
-                self.inside[at] = click.include;
-                self.decided[at] = true;
-            }
+        self.decided[region as usize] |= !self.closed[region as usize];
+        if let Some(change) = self.situation().and_then(|situation| chosen(&situation)) {
+            self.apply(&change, click.include);
         }
     }
 
-    /// The regions that a click on the wrong side changes.
-    fn change(&self, click: &Click, seed: u32) -> Vec<bool> {
-        let graph = self.graph;
-        let mut roles: Vec<Role> = (0..graph.region_count())
-            .map(|at| match () {
-                () if self.closed[at] => Role::Wall,
-                () if self.inside[at] == click.include => Role::Joined,
-                () => Role::Open,
-            })
-            .collect();
-        for (other, region) in &self.clicks {
-            if other.include != click.include && roles[*region as usize] == Role::Open {
-                roles[*region as usize] = Role::Wall;
-            }
+    /// Marks regions as changed to the side of a click.
+    pub fn apply(&mut self, change: &[bool], include: bool) {
+        for (at, _) in change.iter().enumerate().filter(|(_, changes)| **changes) {
+            self.inside[at] = include;
+            self.decided[at] = true;
         }
-        roles[seed as usize] = Role::Seed;
-        let change = Change { query: self, click: *click, seed, roles };
-        change.best()
+    }
+
+    /// What the last click finds; `None` where it changes nothing.
+    pub fn situation(&self) -> Option<Situation<'_>> {
+        let (click, region) = self.clicks.last()?;
+        let at = *region as usize;
+        let changes = !self.closed[at] && self.inside[at] != click.include;
+        changes.then(|| Situation::new(self.graph, self.palette, &self.clicks, &self.inside, &self.closed)).flatten()
     }
 
     /// The answer as pixels.
@@ -121,7 +108,8 @@ impl<'a> Query<'a> {
         }
         for (at, region) in self.graph.of_pixel.iter().enumerate() {
             if regions.contains(region) && !self.taken.is_some_and(|taken| taken.inside[at]) {
-                let centre = glam::DVec2::new((at % self.graph.width) as f64 + 0.5, (at / self.graph.width) as f64 + 0.5);
+                let centre =
+                    glam::DVec2::new((at % self.graph.width) as f64 + 0.5, (at / self.graph.width) as f64 + 0.5);
                 let here = self.clicks.iter().filter(|(_, other)| other == region);
                 let nearest = here.min_by(|(a, _), (b, _)| {
                     a.at_px.distance_squared(centre).total_cmp(&b.at_px.distance_squared(centre))
@@ -132,8 +120,15 @@ impl<'a> Query<'a> {
     }
 }
 
+/// The change that the click of a situation most likely means.
+fn chosen(situation: &Situation<'_>) -> Option<Vec<bool>> {
+    let mut found = candidates(situation, &CandidateOptions::default());
+    let best = best(kind_of(situation), &found)?;
+    Some(found.swap_remove(best).change)
+}
+
 /// Which regions lie mostly inside `mask`.
-pub(super) fn mostly(graph: &RegionGraph, mask: &Region) -> Vec<bool> {
+fn mostly(graph: &RegionGraph, mask: &Region) -> Vec<bool> {
     let mut inside = vec![0.0f32; graph.region_count()];
     for (&region, &is_inside) in graph.of_pixel.iter().zip(&mask.inside) {
         inside[region as usize] += f32::from(u8::from(is_inside));
