@@ -3,6 +3,8 @@
 //! May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
 mod appearance;
+mod candidates;
+mod choice;
 mod color;
 mod depth_edges;
 mod edges;
@@ -15,5 +17,7 @@ mod prepared;
 mod query;
 mod regions;
 mod segmenter;
+mod situation;
+mod traits;
 
 pub use segmenter::BuiltinSegmenter;

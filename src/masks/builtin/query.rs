@@ -1,9 +1,10 @@
 //! From prompts to an answer: every click changes one connected part of the last answer.
 
-use super::appearance::{Model, Palette};
-use super::energy::{Role, border_price, cheapest_change};
-use super::geodesic::distances;
+use super::appearance::Palette;
+use super::candidates::{CandidateOptions, candidates};
+use super::choice::{best, kind_of};
 use super::graph::RegionGraph;
+use super::situation::Situation;
 use crate::masks::{Click, PxBox, Region};
 
 /// An answer in the making.
@@ -52,19 +53,20 @@ impl<'a> Query<'a> {
         let (x, y) = (click.at_px.x as usize, click.at_px.y as usize);
         let region = self.graph.of_pixel[y * self.graph.width + x];
         self.clicks.push((*click, region));
-        let at = region as usize;
-        if !is_new || self.closed[at] {
+        if !is_new {
             return;
         }
-        if self.inside[at] == click.include {
+        self.decided[region as usize] |= !self.closed[region as usize];
+        if let Some(change) = self.situation().and_then(|situation| chosen(&situation)) {
+            self.apply(&change, click.include);
+        }
+    }
+
+    /// Marks regions as changed to the side of a click.
+    pub fn apply(&mut self, change: &[bool], include: bool) {
+        for (at, _) in change.iter().enumerate().filter(|(_, changes)| **changes) {
+            self.inside[at] = include;
             self.decided[at] = true;
-            return;
-        }
-        for (at, changes) in self.change(click, region).into_iter().enumerate() {
-            if changes {
-                self.inside[at] = click.include;
-                self.decided[at] = true;
-            }
         }
     }
 
@@ -239,6 +241,12 @@ impl<'a> Query<'a> {
         let rim: f32 = changed().map(|at| graph.regions[at].rim).sum();
         let area: f32 = changed().map(|at| graph.regions[at].area).sum();
         -(price + 0.25 * rim) / (length + rim).max(1.0) + 0.02 * area.max(1.0).ln()
+    /// What the last click finds; `None` where it changes nothing.
+    pub fn situation(&self) -> Option<Situation<'_>> {
+        let (click, region) = self.clicks.last()?;
+        let at = *region as usize;
+        let changes = !self.closed[at] && self.inside[at] != click.include;
+        changes.then(|| Situation::new(self.graph, self.palette, &self.clicks, &self.inside, &self.closed)).flatten()
     }
 
     /// The answer as pixels.
@@ -281,6 +289,13 @@ impl<'a> Query<'a> {
             }
         }
     }
+}
+
+/// The change that the click of a situation most likely means.
+fn chosen(situation: &Situation<'_>) -> Option<Vec<bool>> {
+    let mut found = candidates(situation, &CandidateOptions::default());
+    let best = best(kind_of(situation), &found)?;
+    Some(found.swap_remove(best).change)
 }
 
 /// Which regions lie mostly inside `mask`.
