@@ -3,6 +3,7 @@
 //! May use: geometry, engine::job. Must not touch: labels, GPU.
 
 mod cache;
+pub mod cameras;
 mod decode;
 mod error;
 mod frame;

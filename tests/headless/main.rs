@@ -7,6 +7,8 @@ mod support;
 #[cfg(test)]
 mod architecture;
 #[cfg(test)]
+mod cameras;
+#[cfg(test)]
 mod frames;
 #[cfg(test)]
 mod shared;
