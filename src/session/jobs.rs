@@ -6,6 +6,7 @@ use anyhow::Result;
 
 use super::{Command, JobId, JobView, Session};
 use crate::engine::job::{Progress, Running, Stopped};
+use crate::masks::LabelId;
 
 /// How many results may wait for the session before workers wait for it.
 const WAITING: usize = 64;
@@ -20,6 +21,13 @@ pub enum Kind {
     Long,
     /// Work beside others.
     Short,
+    /// The answer to a prompt; a newer prompt for the same label and frame takes its place.
+    Prompt {
+        /// Frame number.
+        frame: usize,
+        /// For which label.
+        label: LabelId,
+    },
     /// Work that nobody asked for (reading ahead, checkpoints): not shown, its failures are warnings at most.
     Background,
 }
@@ -195,6 +203,11 @@ impl Job {
     /// Whether it was asked to stop.
     pub fn is_stopped(&self) -> bool {
         self.running.progress().check().is_err()
+    }
+
+    /// Whether it was noted to have ended.
+    pub fn has_ended(&self) -> bool {
+        self.outcome.is_some()
     }
 
     /// As it is shown.

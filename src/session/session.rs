@@ -6,11 +6,15 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 
 use super::jobs::{Job, Jobs, Kind, Landing};
+use super::prepared::PreparedFrames;
 use super::{Command, Edit, Event, JobId, JobView, OpenProject, Project, Recipe};
 use crate::frames::FrameStore;
 
 /// Bytes of decoded pictures and depths kept.
 const PIXEL_BYTES: usize = 256 << 20;
+
+/// Bytes of frames made ready for prompts.
+const PREPARED_BYTES: usize = 384 << 20;
 
 /// How often [`Session::settle`] looks at progress while nothing happens.
 const GLANCE: Duration = Duration::from_millis(50);
@@ -24,7 +28,15 @@ pub struct Session {
     pub(super) jobs: Jobs,
     pub(super) events: Vec<Event>,
     pub(super) recipe: Recipe,
+    pub(super) prepared: Arc<PreparedFrames>,
+    /// Name of the frame that was last asked to be made ready.
+    pub(super) preparing: Option<String>,
+    /// Which segmenter `auto` was last said to be.
+    pub(super) told_segmenter: Option<&'static str>,
 }
+
+/// The job that writes a checkpoint while work goes on.
+const CHECKPOINT: &str = "checkpoint";
 
 impl Default for Session {
     fn default() -> Self {
@@ -43,6 +55,9 @@ impl Session {
             jobs: Jobs::default(),
             events: Vec::new(),
             recipe: Recipe { format: 1, commands: Vec::new() },
+            prepared: Arc::new(PreparedFrames::new(PREPARED_BYTES)),
+            preparing: None,
+            told_segmenter: None,
         }
     }
 
@@ -141,6 +156,7 @@ impl Session {
     /// # Errors
     /// When a file cannot be written.
     pub fn save(&mut self) -> Result<()> {
+        self.wait_for_checkpoint();
         self.open.as_mut().map_or(Ok(()), OpenProject::save_now)
     }
 
@@ -189,6 +205,18 @@ impl Session {
         for job in self.jobs.iter_mut() {
             job.stop();
             job.discarded = true;
+        }
+    }
+
+    /// Waits until no checkpoint is being written: two must not write the same files.
+    pub(super) fn wait_for_checkpoint(&mut self) {
+        let is_checkpoint = |job: &Job| job.title == CHECKPOINT && !job.has_ended();
+        self.jobs.note_ended();
+        while self.jobs.iter().any(is_checkpoint) {
+            if let Some((job, landing)) = self.jobs.wait(GLANCE) {
+                self.take_piece(job, landing);
+            }
+            self.jobs.note_ended();
         }
     }
 
@@ -245,11 +273,11 @@ impl Session {
     }
 
     fn checkpoint_if_due(&mut self) {
-        let running = self.jobs.iter().any(|job| job.kind == Kind::Background && job.title == "checkpoint");
+        let running = self.jobs.iter().any(|job| job.title == CHECKPOINT);
         let Some(open) = self.open.as_mut().filter(|open| open.is_due() && !running) else { return };
         match open.checkpoint() {
             Ok(checkpoint) => {
-                self.start("checkpoint", Kind::Background, move |link| {
+                self.start(CHECKPOINT, Kind::Background, move |link| {
                     let written = checkpoint.write(&link.progress)?;
                     Ok(Box::new(move |session: &mut Self| session.opened()?.written(written)))
                 });
