@@ -4,6 +4,7 @@
 
 mod command;
 mod edit;
+mod pictures;
 mod project;
 
 pub use command::{
@@ -11,4 +12,5 @@ pub use command::{
     ReconstructRequest, TrackSettings,
 };
 pub use edit::Edit;
+pub use pictures::Pictures;
 pub use project::{FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};

@@ -2,6 +2,8 @@
 //!
 //! May use: std. Must not touch: any domain word.
 
+mod loader;
 mod progress;
 
+pub use loader::Loader;
 pub use progress::{Progress, ProgressReport, Stopped};
