@@ -1,1 +1,3 @@
+//! The program: `ostra`.
+
 fn main() {}

@@ -5,6 +5,11 @@
 
 mod cloud;
 mod error;
+pub mod fuse;
+pub mod ply;
+pub mod points;
+pub mod measure;
+pub mod synthetic;
 
-pub use cloud::LabelledCloud;
+pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;

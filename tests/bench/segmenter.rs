@@ -1,1 +1,271 @@
-fn main() {}
+//! The built-in segmenter against real pictures with truth: a robot user clicks, accuracy and time are printed.
+//!
+//! `cargo bench --bench segmenter [davis] [shelf] [time] [NAME…]`; with `OSTRA_SHOTS=DIR` answers are drawn there.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use ostra::engine::job::Progress;
+use ostra::frames::{DepthMap, Image};
+use ostra::masks::builtin::BuiltinSegmenter;
+use ostra::masks::{Click, PreparedFrame, Prompt, Region, SegmentRequest, Segmenter, next_click};
+
+const CAP: usize = 20;
+const SHOWN: [usize; 5] = [1, 3, 5, 10, 20];
+
+fn main() {
+    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    let parts = ["davis", "shelf", "time"];
+    let wants =
+        |part: &str| words.iter().any(|word| word == part) || !words.iter().any(|word| parts.contains(&&**word));
+    let names: Vec<&str> = words.iter().map(|word| &**word).filter(|word| !parts.contains(word)).collect();
+    let data = std::env::var_os("OSTRA_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
+    if !data.is_dir() {
+        println!("no pictures at {}: set OSTRA_DATA", data.display());
+        return;
+    }
+    if wants("davis") {
+        davis(&data.join("davis2016"), &names);
+    }
+    if wants("shelf") {
+        shelf(&data.join("apc_shelf_rgbd_labels"), &names);
+    }
+    if wants("time") {
+        times(&data.join("davis2016"));
+    }
+}
+
+/// Robot user on the first, middle and last frame of each clip.
+fn davis(root: &Path, names: &[&str]) {
+    println!("davis2016: IoU after clicks, clicks to 0.85 and 0.90, ms an answer");
+    let mut runs = Vec::new();
+    for clip in sorted(&root.join("JPEGImages")) {
+        if !names.is_empty() && !names.contains(&&*clip) {
+            continue;
+        }
+        let pictures = sorted(&root.join("JPEGImages").join(&clip));
+        for at in [0, pictures.len() / 2, pictures.len() - 1] {
+            let image = picture(&root.join("JPEGImages").join(&clip).join(&pictures[at]));
+            let truth = mask(&root.join("Annotations").join(&clip).join(format!("{at:05}.png")), |value| value > 127);
+            let name = format!("{clip}-{at}");
+            let run = play(&name, &image, None, &truth, CAP);
+            println!("{}", run.line(&name));
+            runs.push(run);
+        }
+    }
+    summary(&runs);
+}
+
+fn summary(runs: &[Run]) {
+    let count = runs.len().max(1) as f64;
+    let clicks = |goal: f64| runs.iter().map(|run| run.clicks_to(goal).unwrap_or(CAP) as f64).sum::<f64>() / count;
+    let failed = |goal: f64| runs.iter().filter(|run| run.clicks_to(goal).is_none()).count();
+    println!(
+        "mean of {}: clicks to 0.85 {:.2} ({} failed), to 0.90 {:.2} ({} failed)",
+        runs.len(),
+        clicks(0.85),
+        failed(0.85),
+        clicks(0.90),
+        failed(0.90)
+    );
+    let mean = |after: usize| runs.iter().map(|run| run.after(after)).sum::<f64>() / count;
+    let means: Vec<f64> = (1..=CAP).map(mean).collect();
+    println!("mean IoU after 1…{CAP}: {}", means.iter().map(|iou| format!("{iou:.3}")).collect::<Vec<_>>().join(" "));
+    let falls = means.windows(2).filter(|pair| pair[1] < pair[0] - 1e-9).count();
+    println!("further clicks that lower the mean: {falls}");
+    let mut answers: Vec<Duration> = runs.iter().flat_map(|run| run.answers.iter().copied()).collect();
+    let mut prepared: Vec<Duration> = runs.iter().map(|run| run.prepared).collect();
+    println!("median answer {:.1} ms, median preparation {:.0} ms", median_ms(&mut answers), median_ms(&mut prepared));
+}
+
+/// Robot user on every object of every third shelf view, with and without depth.
+fn shelf(root: &Path, names: &[&str]) {
+    println!("shelf: IoU after 1, 2, 3 clicks without depth | with depth");
+    let mut sums = [[0.0; 3]; 2];
+    let mut best = [[[0.0f64; 3]; 2]; 4];
+    let mut count = 0.0;
+    for (at, file) in sorted(&root.join("color")).iter().enumerate().filter(|(at, _)| at % 3 == 0) {
+        let image = picture(&root.join("color").join(file));
+        let depth = Arc::new(depth(&root.join("depth").join(file)));
+        for object in 1..=4u8 {
+            let name = format!("shelf{at}-{object}");
+            if !names.is_empty() && !names.contains(&&*name) {
+                continue;
+            }
+            let truth = mask(&root.join("labels").join(file), |value| value == object);
+            if truth.area() < 500 {
+                continue;
+            }
+            let mut line = format!("{name:16}");
+            for (kind, depth) in [None, Some(&depth)].into_iter().enumerate() {
+                let run = play(&format!("{name}-{}", ["rgb", "rgbd"][kind]), &image, depth, &truth, 3);
+                for clicks in 0..3 {
+                    sums[kind][clicks] += run.after(clicks + 1);
+                    let most = &mut best[usize::from(object) - 1][kind][clicks];
+                    *most = most.max(run.after(clicks + 1));
+                    line += &format!(" {:.3}", run.after(clicks + 1));
+                }
+                line += " |";
+            }
+            count += 1.0;
+            println!("{line}");
+        }
+    }
+    for (kind, sums) in ["colour alone", "with depth"].iter().zip(sums) {
+        println!("mean {kind}: {}", sums.map(|sum| format!("{:.3}", sum / count)).join(" "));
+    }
+    for (object, best) in best.iter().enumerate() {
+        println!("best view of object {}: {:.3?} | {:.3?}", object + 1, best[0], best[1]);
+    }
+}
+
+/// Time alone, at both sizes.
+fn times(root: &Path) {
+    for (width, height) in [(854, 480), (1280, 720)] {
+        let mut runs = Vec::new();
+        for clip in ["blackswan", "dance-twirl", "scooter-black"] {
+            let image = resized(&picture(&root.join("JPEGImages").join(clip).join("00020.jpg")), width, height);
+            let truth = mask(&root.join("Annotations").join(clip).join("00020.png"), |value| value > 127);
+            runs.push(play(clip, &image, None, &resized_region(&truth, width, height), 10));
+        }
+        let mut answers: Vec<Duration> = runs.iter().flat_map(|run| run.answers.iter().copied()).collect();
+        let mut prepared: Vec<Duration> = runs.iter().map(|run| run.prepared).collect();
+        println!(
+            "{width}×{height}: median answer {:.1} ms, longest {:.1} ms, median preparation {:.0} ms",
+            median_ms(&mut answers),
+            answers.last().map_or(0.0, |time| time.as_secs_f64() * 1e3),
+            median_ms(&mut prepared)
+        );
+    }
+}
+
+/// What became of one frame.
+struct Run {
+    ious: Vec<f64>,
+    answers: Vec<Duration>,
+    prepared: Duration,
+}
+
+impl Run {
+    fn after(&self, clicks: usize) -> f64 {
+        self.ious.get(clicks - 1).or(self.ious.last()).copied().unwrap_or(0.0)
+    }
+
+    fn clicks_to(&self, goal: f64) -> Option<usize> {
+        self.ious.iter().position(|&iou| iou >= goal).map(|at| at + 1)
+    }
+
+    fn line(&self, name: &str) -> String {
+        let ious: Vec<String> = SHOWN.iter().map(|&after| format!("{:.3}", self.after(after))).collect();
+        let clicks = |goal| self.clicks_to(goal).map_or_else(|| "-".into(), |clicks| clicks.to_string());
+        let time = median_ms(&mut self.answers.clone());
+        format!("{name:18} {}  {:>2} {:>2}  {time:.1}", ious.join(" "), clicks(0.85), clicks(0.90))
+    }
+}
+
+fn play(name: &str, image: &Arc<Image>, depth: Option<&Arc<DepthMap>>, truth: &Region, cap: usize) -> Run {
+    let start = Instant::now();
+    let frame = BuiltinSegmenter.prepare(image, depth, &Progress::default()).expect("the picture can be prepared");
+    let mut run = Run { ious: Vec::new(), answers: Vec::new(), prepared: start.elapsed() };
+    let mut answer = Region::empty(truth.width, truth.height);
+    let mut prompt = Prompt::default();
+    while let Some(click) = next_click(truth, &answer).filter(|_| run.ious.len() < cap) {
+        prompt.clicks.push(click);
+        let start = Instant::now();
+        answer = ask(&*frame, &prompt, &answer);
+        run.answers.push(start.elapsed());
+        run.ious.push(iou(truth, &answer));
+        shoot(name, run.ious.len(), image, truth, &answer, &prompt.clicks);
+    }
+    run
+}
+
+fn ask(frame: &dyn PreparedFrame, prompt: &Prompt, answer: &Region) -> Region {
+    let previous = (prompt.clicks.len() > 1).then_some(answer);
+    frame.segment(&SegmentRequest { prompt, previous, taken: None }).expect("a click inside the picture has an answer")
+}
+
+fn iou(a: &Region, b: &Region) -> f64 {
+    let pairs = || a.inside.iter().zip(&b.inside);
+    let both = pairs().filter(|(a, b)| **a && **b).count();
+    let any = pairs().filter(|(a, b)| **a || **b).count();
+    both as f64 / any.max(1) as f64
+}
+
+fn median_ms(times: &mut [Duration]) -> f64 {
+    times.sort();
+    times.get(times.len() / 2).map_or(0.0, |time| time.as_secs_f64() * 1e3)
+}
+
+fn sorted(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("the folder of pictures can be read");
+    let mut names: Vec<String> = entries.flatten().map(|entry| entry.file_name().to_string_lossy().into()).collect();
+    names.sort();
+    names
+}
+
+fn picture(path: &Path) -> Arc<Image> {
+    let image = image::open(path).expect("the picture can be read").to_rgb8();
+    Arc::new(Image {
+        width: image.width(),
+        height: image.height(),
+        pixels: image.pixels().map(|pixel| pixel.0).collect(),
+    })
+}
+
+fn mask(path: &Path, is_inside: impl Fn(u8) -> bool) -> Region {
+    let image = image::open(path).expect("the mask can be read").to_luma8();
+    Region {
+        width: image.width(),
+        height: image.height(),
+        inside: image.pixels().map(|pixel| is_inside(pixel.0[0])).collect(),
+    }
+}
+
+fn depth(path: &Path) -> DepthMap {
+    let image = image::open(path).expect("the depth can be read").to_luma16();
+    DepthMap {
+        width: image.width(),
+        height: image.height(),
+        depths: image.pixels().map(|pixel| f32::from(pixel.0[0]) * 1e-3).collect(),
+    }
+}
+
+fn resized(image: &Image, width: u32, height: u32) -> Arc<Image> {
+    let buffer = image::RgbImage::from_fn(image.width, image.height, |x, y| image::Rgb(image.at(x, y)));
+    let buffer = image::imageops::resize(&buffer, width, height, image::imageops::FilterType::CatmullRom);
+    Arc::new(Image { width, height, pixels: buffer.pixels().map(|pixel| pixel.0).collect() })
+}
+
+fn resized_region(region: &Region, width: u32, height: u32) -> Region {
+    let at = |place: u32| region.at(place % width * region.width / width, place / width * region.height / height);
+    Region { width, height, inside: (0..width * height).map(at).collect() }
+}
+
+/// Draws an answer: object red where right, blue where missed, green where too much, clicks white and black.
+fn shoot(name: &str, number: usize, image: &Image, truth: &Region, answer: &Region, clicks: &[Click]) {
+    let Some(folder) = std::env::var_os("OSTRA_SHOTS") else {
+        return;
+    };
+    let mut out = image::RgbImage::from_fn(image.width, image.height, |x, y| {
+        let tint = match (truth.at(x, y), answer.at(x, y)) {
+            (true, true) => [255, 0, 0],
+            (true, false) => [0, 0, 255],
+            (false, true) => [0, 255, 0],
+            (false, false) => image.at(x, y),
+        };
+        let pixel = image.at(x, y);
+        image::Rgb(std::array::from_fn(|channel| (pixel[channel] / 2).saturating_add(tint[channel] / 2)))
+    });
+    for click in clicks {
+        for (dx, dy) in (-3i64..=3).flat_map(|dx| (-3i64..=3).map(move |dy| (dx, dy))) {
+            let (x, y) = (click.at_px.x as i64 + dx, click.at_px.y as i64 + dy);
+            if x >= 0 && y >= 0 && x < i64::from(image.width) && y < i64::from(image.height) {
+                out.put_pixel(x as u32, y as u32, image::Rgb(if click.include { [255; 3] } else { [0; 3] }));
+            }
+        }
+    }
+    let path = Path::new(&folder).join(format!("{name}-{number:02}.png"));
+    out.save(&path).expect("the drawing can be written");
+}

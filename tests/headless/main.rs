@@ -1,1 +1,14 @@
-fn main() {}
+//! Tests of everything below the window, on real data and as a process: one module a subject.
+
+#[cfg(test)]
+#[path = "../support/mod.rs"]
+mod support;
+
+#[cfg(test)]
+mod architecture;
+#[cfg(test)]
+mod cameras;
+#[cfg(test)]
+mod frames;
+#[cfg(test)]
+mod shared;

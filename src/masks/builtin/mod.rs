@@ -1,0 +1,23 @@
+//! The segmenter that needs no weights: a graph cut over small regions, seeded by clicks and boxes.
+//!
+//! May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
+
+mod appearance;
+mod candidates;
+mod choice;
+mod color;
+mod depth_edges;
+mod edges;
+mod energy;
+mod filter;
+mod geodesic;
+mod graph;
+mod maxflow;
+mod prepared;
+mod query;
+mod regions;
+mod segmenter;
+mod situation;
+mod traits;
+
+pub use segmenter::BuiltinSegmenter;

@@ -1,0 +1,75 @@
+use super::appearance::Palette;
+use super::graph::RegionGraph;
+use super::query::Query;
+use crate::masks::{Click, MaskError, PreparedFrame, PxBox, Region, SegmentRequest};
+
+/// A frame with everything worked out that no prompt is needed for.
+pub(super) struct Prepared {
+    pub graph: RegionGraph,
+    pub palette: Palette,
+}
+
+impl PreparedFrame for Prepared {
+    fn segment(&self, request: &SegmentRequest<'_>) -> Result<Region, MaskError> {
+        self.check(request)?;
+        let prompt = request.prompt;
+        let mut query = Query::new(&self.graph, &self.palette, request.taken);
+        let known = match request.previous {
+            Some(previous) if !prompt.clicks.is_empty() => {
+                query.start_from(previous);
+                prompt.clicks.len() - 1
+            }
+            _ => {
+                query.add_boxes(&prompt.boxes);
+                0
+            }
+        };
+        for (at, click) in prompt.clicks.iter().enumerate() {
+            query.add_click(click, at >= known);
+        }
+        Ok(query.answer())
+    }
+
+    fn bytes(&self) -> usize {
+        self.graph.bytes() + self.palette.bytes()
+    }
+}
+
+impl Prepared {
+    fn check(&self, request: &SegmentRequest<'_>) -> Result<(), MaskError> {
+        let (width, height) = (self.graph.width, self.graph.height);
+        if request.prompt.is_empty() {
+            return Err(MaskError::Request("there is no click and no box; click on the object first".into()));
+        }
+        let inside = |click: &Click| {
+            let at = click.at_px;
+            at.x >= 0.0 && at.y >= 0.0 && at.x < width as f64 && at.y < height as f64
+        };
+        if let Some(click) = request.prompt.clicks.iter().find(|click| !inside(click)) {
+            return Err(MaskError::Request(format!(
+                "the click at {}, {} lies outside the picture of {width}×{height}; click inside it",
+                click.at_px.x, click.at_px.y
+            )));
+        }
+        let crosses = |part: &PxBox| {
+            part.max_px.x > part.min_px.x.max(0.0)
+                && part.max_px.y > part.min_px.y.max(0.0)
+                && part.min_px.x < width as f64
+                && part.min_px.y < height as f64
+        };
+        if let Some(part) = request.prompt.boxes.iter().find(|part| !crosses(part)) {
+            return Err(MaskError::Request(format!(
+                "the box from {}, {} to {}, {} holds no pixel of the picture of {width}×{height}; draw it inside",
+                part.min_px.x, part.min_px.y, part.max_px.x, part.max_px.y
+            )));
+        }
+        let fits = |region: &Region| {
+            region.width as usize == width && region.height as usize == height && region.inside.len() == width * height
+        };
+        if [request.previous, request.taken].into_iter().flatten().all(fits) {
+            Ok(())
+        } else {
+            Err(MaskError::Request(format!("a mask given does not have the picture's size of {width}×{height}")))
+        }
+    }
+}

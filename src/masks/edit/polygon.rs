@@ -1,0 +1,108 @@
+use std::ops::Range;
+
+use glam::DVec2;
+
+use crate::masks::{MaskError, Region};
+
+/// The pixels whose centres lie inside closed polygons by the even-odd rule over all of them together (so a ring inside
+/// another is a hole). Corners are in pixels and may lie outside the frame; a side through a pixel's centre counts for
+/// the pixel on its right or below.
+///
+/// # Errors
+/// [`MaskError::Request`] for corners that are not numbers.
+pub fn fill_polygons(width: u32, height: u32, rings: &[Vec<DVec2>]) -> Result<Region, MaskError> {
+    let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); height as usize];
+    for ring in rings {
+        check_points(ring)?;
+        for (at, &corner) in ring.iter().enumerate() {
+            add_crossings(&mut crossings, corner, ring[(at + 1) % ring.len()]);
+        }
+    }
+    let mut region = Region::empty(width, height);
+    for (pixels, crossings) in region.inside.chunks_exact_mut(width.max(1) as usize).zip(&mut crossings) {
+        crossings.sort_unstable_by(f64::total_cmp);
+        for pair in crossings.chunks_exact(2) {
+            let columns = columns_right_of(pair[0], pixels.len())..columns_right_of(pair[1], pixels.len());
+            pixels[columns].fill(true);
+        }
+    }
+    Ok(region)
+}
+
+/// Fails on a coordinate that is not a finite number.
+pub(super) fn check_points(points: &[DVec2]) -> Result<(), MaskError> {
+    if points.iter().all(|point| point.is_finite()) {
+        return Ok(());
+    }
+    Err(MaskError::Request("a point of the drawing is not a number; draw it anew".into()))
+}
+
+/// Columns of the pixels whose centres lie in `left..=right`.
+pub(super) fn columns_between(left: f64, right: f64, width: usize) -> Range<usize> {
+    let start = columns_right_of(left, width);
+    let end = (right + 0.5).floor().clamp(0.0, width as f64) as usize;
+    start..end.max(start)
+}
+
+/// First column whose pixel centre is at `x` or to its right.
+fn columns_right_of(x: f64, width: usize) -> usize {
+    (x - 0.5).ceil().clamp(0.0, width as f64) as usize
+}
+
+/// Where a side crosses the line through the pixel centres of each row; lower ends are left out, so that a corner on
+/// the line counts once.
+fn add_crossings(crossings: &mut [Vec<f64>], from: DVec2, to: DVec2) {
+    // The same order for both ways of a side, so that a seam walked there and back cancels exactly.
+    let (a, b) = if (from.y, from.x) <= (to.y, to.x) { (from, to) } else { (to, from) };
+    let rows = columns_right_of(a.y, crossings.len())..columns_right_of(b.y, crossings.len());
+    for row in rows {
+        let share = (row as f64 + 0.5 - a.y) / (b.y - a.y);
+        crossings[row].push(a.x + share * (b.x - a.x));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Vec<DVec2> {
+        [(x0, y0), (x1, y0), (x1, y1), (x0, y1)].map(|(x, y)| DVec2::new(x, y)).to_vec()
+    }
+
+    #[test]
+    fn a_ring_inside_is_a_hole() {
+        let region = fill_polygons(8, 6, &[rectangle(1.0, 1.0, 7.0, 5.0), rectangle(3.0, 2.0, 5.0, 4.0)]).unwrap();
+        assert_eq!(region.area(), 24 - 4);
+        assert!(region.at(1, 1) && region.at(6, 4) && !region.at(3, 2) && !region.at(7, 5));
+    }
+
+    #[test]
+    fn pixels_are_decided_by_their_centres() {
+        assert_eq!(fill_polygons(4, 1, &[rectangle(0.6, 0.0, 2.4, 1.0)]).unwrap().inside, [false, true, false, false]);
+        assert_eq!(fill_polygons(4, 1, &[rectangle(0.5, 0.0, 2.5, 1.0)]).unwrap().inside, [true, true, false, false]);
+        assert_eq!(fill_polygons(4, 4, &[rectangle(-1e9, -1e9, 1e9, 1e9)]).unwrap().area(), 16);
+        assert!(fill_polygons(4, 4, &[vec![DVec2::ZERO, DVec2::X]]).unwrap().is_empty());
+        assert!(fill_polygons(4, 4, &[vec![DVec2::splat(f64::NAN)]]).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn agrees_with_the_winding_test(
+            corners in prop::collection::vec((-3.0f64..15.0, -3.0f64..13.0).prop_map(|(x, y)| DVec2::new(x, y)), 3..9),
+        ) {
+            let region = fill_polygons(12, 10, std::slice::from_ref(&corners)).unwrap();
+            for y in 0..10 {
+                for x in 0..12 {
+                    let p = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+                    let sides = corners.iter().zip(corners.iter().cycle().skip(1));
+                    let crossed = sides.filter(|(a, b)| {
+                        (a.y > p.y) != (b.y > p.y) && p.x < (b.x - a.x) * (p.y - a.y) / (b.y - a.y) + a.x
+                    });
+                    prop_assert_eq!(region.at(x, y), crossed.count() % 2 == 1);
+                }
+            }
+        }
+    }
+}
