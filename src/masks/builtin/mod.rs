@@ -3,8 +3,6 @@
 //! May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
 mod appearance;
-mod candidates;
-mod choice;
 mod color;
 mod depth_edges;
 mod edges;
@@ -17,7 +15,5 @@ mod prepared;
 mod query;
 mod regions;
 mod segmenter;
-mod situation;
-mod traits;
 
 pub use segmenter::BuiltinSegmenter;

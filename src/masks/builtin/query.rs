@@ -1,10 +1,9 @@
 //! From prompts to an answer: every click changes one connected part of the last answer.
 
-use super::appearance::Palette;
-use super::candidates::{CandidateOptions, candidates};
-use super::choice::{best, kind_of};
+use super::appearance::{Model, Palette};
+use super::energy::{Role, border_price, cheapest_change};
+use super::geodesic::distances;
 use super::graph::RegionGraph;
-use super::situation::Situation;
 use crate::masks::{Click, PxBox, Region};
 
 /// An answer in the making.
@@ -53,20 +52,19 @@ impl<'a> Query<'a> {
         let (x, y) = (click.at_px.x as usize, click.at_px.y as usize);
         let region = self.graph.of_pixel[y * self.graph.width + x];
         self.clicks.push((*click, region));
-        if !is_new {
+        let at = region as usize;
+        if !is_new || self.closed[at] {
             return;
         }
-        self.decided[region as usize] |= !self.closed[region as usize];
-        if let Some(change) = self.situation().and_then(|situation| chosen(&situation)) {
-            self.apply(&change, click.include);
-        }
-    }
-
-    /// Marks regions as changed to the side of a click.
-    pub fn apply(&mut self, change: &[bool], include: bool) {
-        for (at, _) in change.iter().enumerate().filter(|(_, changes)| **changes) {
-            self.inside[at] = include;
+        if self.inside[at] == click.include {
             self.decided[at] = true;
+            return;
+        }
+        for (at, changes) in self.change(click, region).into_iter().enumerate() {
+            if changes {
+                self.inside[at] = click.include;
+                self.decided[at] = true;
+            }
         }
     }
 
@@ -135,12 +133,7 @@ impl<'a> Query<'a> {
             .map(|&(_, region)| (region, 0.0))
             .collect();
         if click.include {
-            let rim = self
-                .graph
-                .regions
-                .iter()
-                .enumerate()
-                .filter(|(at, region)| region.rim > 0.0 && roles[*at] == Role::Open);
+            let rim = self.graph.regions.iter().enumerate().filter(|(at, region)| region.rim > 0.0 && roles[*at] == Role::Open);
             sources.extend(rim.map(|(at, _)| (at as u32, 20.0)));
         }
         sources
@@ -195,11 +188,7 @@ impl<'a> Query<'a> {
                 seen[at] = true;
                 area += self.graph.regions[at].area;
                 is_hole &= self.graph.regions[at].rim == 0.0
-                    && self
-                        .graph
-                        .neighbours(at)
-                        .iter()
-                        .all(|&(to, _)| roles[to as usize] != Role::Wall && roles[to as usize] != Role::Joined);
+                    && self.graph.neighbours(at).iter().all(|&(to, _)| roles[to as usize] != Role::Wall && roles[to as usize] != Role::Joined);
             }
             if is_hole && area < 600.0 {
                 (0..count).filter(|&at| part[at]).for_each(|at| kept[at] = true);
@@ -241,12 +230,6 @@ impl<'a> Query<'a> {
         let rim: f32 = changed().map(|at| graph.regions[at].rim).sum();
         let area: f32 = changed().map(|at| graph.regions[at].area).sum();
         -(price + 0.25 * rim) / (length + rim).max(1.0) + 0.02 * area.max(1.0).ln()
-    /// What the last click finds; `None` where it changes nothing.
-    pub fn situation(&self) -> Option<Situation<'_>> {
-        let (click, region) = self.clicks.last()?;
-        let at = *region as usize;
-        let changes = !self.closed[at] && self.inside[at] != click.include;
-        changes.then(|| Situation::new(self.graph, self.palette, &self.clicks, &self.inside, &self.closed)).flatten()
     }
 
     /// The answer as pixels.
@@ -279,8 +262,7 @@ impl<'a> Query<'a> {
         }
         for (at, region) in self.graph.of_pixel.iter().enumerate() {
             if regions.contains(region) && !self.taken.is_some_and(|taken| taken.inside[at]) {
-                let centre =
-                    glam::DVec2::new((at % self.graph.width) as f64 + 0.5, (at / self.graph.width) as f64 + 0.5);
+                let centre = glam::DVec2::new((at % self.graph.width) as f64 + 0.5, (at / self.graph.width) as f64 + 0.5);
                 let here = self.clicks.iter().filter(|(_, other)| other == region);
                 let nearest = here.min_by(|(a, _), (b, _)| {
                     a.at_px.distance_squared(centre).total_cmp(&b.at_px.distance_squared(centre))
@@ -289,13 +271,6 @@ impl<'a> Query<'a> {
             }
         }
     }
-}
-
-/// The change that the click of a situation most likely means.
-fn chosen(situation: &Situation<'_>) -> Option<Vec<bool>> {
-    let mut found = candidates(situation, &CandidateOptions::default());
-    let best = best(kind_of(situation), &found)?;
-    Some(found.swap_remove(best).change)
 }
 
 /// Which regions lie mostly inside `mask`.
