@@ -2,11 +2,13 @@
 //!
 //! May use: std. Must not touch: any domain word.
 
+mod loader;
 mod latest;
 mod pool;
 mod progress;
 mod running;
 
+pub use loader::Loader;
 pub use latest::Latest;
 pub use pool::{Full, Pool};
 pub use progress::{Progress, ProgressReport, Stopped};
