@@ -13,13 +13,15 @@ mod event;
 mod history;
 mod jobs;
 mod open_project;
-mod prepared;
 mod pictures;
+mod prepared;
 mod project;
 #[expect(clippy::module_inception, reason = "the noun lives in a file of its name")]
 mod session;
 mod stale;
 pub mod store;
+#[cfg(test)]
+mod tests;
 
 pub use command::{
     Command, ExportRequest, FuseRequest, NewProject, PaintRequest, PromptRequest, Recipe, ReconstructMethod,

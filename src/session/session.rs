@@ -212,7 +212,7 @@ impl Session {
         kind: Kind,
         work: impl FnOnce(&super::jobs::Link) -> Result<Landing> + Send + 'static,
     ) -> JobId {
-        let id = self.jobs.start(title, kind.clone(), work);
+        let id = self.jobs.start(title, kind, work);
         if kind != Kind::Background {
             self.events.push(Event::Started { job: id, title: title.to_owned() });
         }
