@@ -10,6 +10,8 @@ mod depth_edges;
 mod edges;
 mod energy;
 mod filter;
+#[cfg(test)]
+mod fitting;
 mod geodesic;
 mod graph;
 mod maxflow;

@@ -2,7 +2,7 @@
 
 use super::appearance::Palette;
 use super::candidates::{CandidateOptions, candidates};
-use super::choice::{best, kind_of};
+use super::choice::{WEIGHTS, best, kind_of};
 use super::graph::RegionGraph;
 use super::situation::Situation;
 use crate::masks::{Click, PxBox, Region};
@@ -56,9 +56,16 @@ impl<'a> Query<'a> {
         if !is_new {
             return;
         }
-        self.decided[region as usize] |= !self.closed[region as usize];
+        self.decide_clicked();
         if let Some(change) = self.situation().and_then(|situation| chosen(&situation)) {
             self.apply(&change, click.include);
+        }
+    }
+
+    /// The clicked region is on one side as a whole from now on.
+    pub fn decide_clicked(&mut self) {
+        if let Some(&(_, region)) = self.clicks.last() {
+            self.decided[region as usize] |= !self.closed[region as usize];
         }
     }
 
@@ -123,7 +130,7 @@ impl<'a> Query<'a> {
 /// The change that the click of a situation most likely means.
 fn chosen(situation: &Situation<'_>) -> Option<Vec<bool>> {
     let mut found = candidates(situation, &CandidateOptions::default());
-    let best = best(kind_of(situation), &found)?;
+    let best = best(&WEIGHTS, kind_of(situation), &found)?;
     Some(found.swap_remove(best).change)
 }
 
