@@ -1,0 +1,10 @@
+//! Scores of results against truth, without a project: masks, clouds, cameras.
+//!
+//! May use: scores of masks, scene and geometry. Must not touch: the open project.
+
+mod cameras;
+mod cloud;
+
+pub use crate::masks::{MaskScore, ScoreOptions, score_masks};
+pub use cameras::{CameraScore, score_cameras};
+pub use cloud::{CloudEvaluation, evaluate_cloud};
