@@ -5,6 +5,7 @@
 mod cache;
 mod decode;
 mod error;
+mod film;
 mod frame;
 mod header;
 mod image;

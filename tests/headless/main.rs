@@ -5,6 +5,8 @@
 mod support;
 
 #[cfg(test)]
+mod films;
+#[cfg(test)]
 mod frames;
 #[cfg(test)]
 mod shared;
