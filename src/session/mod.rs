@@ -8,6 +8,7 @@ mod command;
 mod commands;
 mod edit;
 mod engines;
+pub mod evaluate;
 mod event;
 mod history;
 mod jobs;

@@ -48,10 +48,11 @@ fn read(path: &Path, progress: &Progress) -> Result<PlyCloud> {
 fn frusta(path: &Path) -> Result<Vec<FrameCamera>> {
     let given = GivenCameras::read(path)?;
     let cameras = given.cameras.iter().map(|camera| {
-        let intrinsics = camera.intrinsics.as_ref().and_then(|intrinsics| intrinsics.camera(None));
-        let intrinsics = intrinsics.with_context(|| {
+        let sized = camera.intrinsics.as_ref().and_then(|intrinsics| Some((intrinsics, intrinsics.size?)));
+        let (intrinsics, [width, height]) = sized.with_context(|| {
             format!("{}: holds no intrinsics with a picture size; give a COLMAP model or transforms.json", path.display())
         })?;
+        let intrinsics = intrinsics.for_picture(width, height).map_err(anyhow::Error::msg)?;
         Ok(FrameCamera { intrinsics, camera_from_world: Some(camera.camera_from_world) })
     });
     cameras.collect()

@@ -4,7 +4,10 @@
 
 mod cameras;
 mod cloud;
+mod masks;
 
-pub use crate::masks::{MaskScore, ScoreOptions, score_masks};
+pub use crate::masks::{MaskScore, ScoreOptions};
+pub use crate::scene::score::{CloudScore, cloud_table};
 pub use cameras::{CameraScore, score_cameras};
 pub use cloud::{CloudEvaluation, evaluate_cloud};
+pub use masks::evaluate_masks;
