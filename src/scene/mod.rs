@@ -8,6 +8,7 @@ mod error;
 pub mod fuse;
 pub mod ply;
 pub mod points;
+pub mod score;
 
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;
