@@ -133,7 +133,12 @@ impl<'a> Query<'a> {
             .map(|&(_, region)| (region, 0.0))
             .collect();
         if click.include {
-            let rim = self.graph.regions.iter().enumerate().filter(|(at, region)| region.rim > 0.0 && roles[*at] == Role::Open);
+            let rim = self
+                .graph
+                .regions
+                .iter()
+                .enumerate()
+                .filter(|(at, region)| region.rim > 0.0 && roles[*at] == Role::Open);
             sources.extend(rim.map(|(at, _)| (at as u32, 20.0)));
         }
         sources
@@ -188,7 +193,11 @@ impl<'a> Query<'a> {
                 seen[at] = true;
                 area += self.graph.regions[at].area;
                 is_hole &= self.graph.regions[at].rim == 0.0
-                    && self.graph.neighbours(at).iter().all(|&(to, _)| roles[to as usize] != Role::Wall && roles[to as usize] != Role::Joined);
+                    && self
+                        .graph
+                        .neighbours(at)
+                        .iter()
+                        .all(|&(to, _)| roles[to as usize] != Role::Wall && roles[to as usize] != Role::Joined);
             }
             if is_hole && area < 600.0 {
                 (0..count).filter(|&at| part[at]).for_each(|at| kept[at] = true);
@@ -262,7 +271,8 @@ impl<'a> Query<'a> {
         }
         for (at, region) in self.graph.of_pixel.iter().enumerate() {
             if regions.contains(region) && !self.taken.is_some_and(|taken| taken.inside[at]) {
-                let centre = glam::DVec2::new((at % self.graph.width) as f64 + 0.5, (at / self.graph.width) as f64 + 0.5);
+                let centre =
+                    glam::DVec2::new((at % self.graph.width) as f64 + 0.5, (at / self.graph.width) as f64 + 0.5);
                 let here = self.clicks.iter().filter(|(_, other)| other == region);
                 let nearest = here.min_by(|(a, _), (b, _)| {
                     a.at_px.distance_squared(centre).total_cmp(&b.at_px.distance_squared(centre))
