@@ -4,7 +4,7 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 
 use super::store::{Act, Checkpoint, Folder, HISTORY_BYTES, Loaded, Written};
-use super::{Change, Edit, History, Project, Step};
+use super::{Change, Edit, History, JobId, Project, Step};
 use crate::engine::job::Progress;
 
 /// A project with its folder and history: makes steps whole or not at all, in memory and on the disk alike.
@@ -14,7 +14,7 @@ pub struct OpenProject {
     history: History,
     folder: Folder,
     /// Which run made the last step, when it may still grow.
-    growing: Option<u64>,
+    growing: Option<JobId>,
 }
 
 impl OpenProject {
@@ -45,6 +45,12 @@ impl OpenProject {
         &self.history
     }
 
+    /// The run that made the last step, when that may still grow.
+    #[must_use]
+    pub fn growing_run(&self) -> Option<JobId> {
+        self.growing
+    }
+
     /// Where it lies.
     #[must_use]
     pub fn root(&self) -> &Path {
@@ -64,11 +70,11 @@ impl OpenProject {
     ///
     /// # Errors
     /// As [`Self::commit`].
-    pub fn commit_part(&mut self, title: &str, edits: Vec<Edit>, run: u64) -> Result<bool> {
+    pub fn commit_part(&mut self, title: &str, edits: Vec<Edit>, run: JobId) -> Result<bool> {
         self.make(title, edits, Some(run))
     }
 
-    fn make(&mut self, title: &str, edits: Vec<Edit>, run: Option<u64>) -> Result<bool> {
+    fn make(&mut self, title: &str, edits: Vec<Edit>, run: Option<JobId>) -> Result<bool> {
         let changes = apply_with_consequences(Arc::make_mut(&mut self.project), edits)?;
         if changes.is_empty() {
             return Ok(false);
@@ -171,7 +177,7 @@ fn apply_with_consequences(project: &mut Project, edits: Vec<Edit>) -> Result<Ve
         let consequences = project.consequences(&edit);
         for edit in std::iter::once(edit).chain(consequences) {
             match project.apply(edit.clone()) {
-                Ok(inverse) if inverse == edit => {}
+                Ok(inverse) if changes_nothing(&edit, &inverse) => {}
                 Ok(inverse) => changes.push(Change { edit, inverse }),
                 Err(error) => {
                     for change in changes.into_iter().rev() {
@@ -183,4 +189,8 @@ fn apply_with_consequences(project: &mut Project, edits: Vec<Edit>) -> Result<Ve
         }
     }
     Ok(changes)
+}
+
+fn changes_nothing(edit: &Edit, inverse: &Edit) -> bool {
+    inverse == edit || matches!(inverse, Edit::SetStale { frames, .. } if frames.is_empty())
 }

@@ -1,4 +1,5 @@
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
 use super::noise::fractal_noise;
 
@@ -14,25 +15,32 @@ impl Bitmap {
     pub(super) const TEXELS_PER_M: f32 = 1000.0;
 
     /// A picture of `size_m` metres filled by `color(at_mm)` with sRGB values of 0–1.
-    pub(super) fn painted(size_m: Vec2, color: impl Fn(Vec2) -> Vec3) -> Self {
+    pub(super) fn painted(size_m: Vec2, color: impl Fn(Vec2) -> Vec3 + Sync) -> Self {
         let size = (size_m * Self::TEXELS_PER_M).ceil().max(Vec2::ONE);
         let (width, height) = (size.x as usize, size.y as usize);
         let texels = (0..width * height)
+            .into_par_iter()
             .map(|k| stored(color(Vec2::new((k % width) as f32 + 0.5, (k / width) as f32 + 0.5))))
             .collect();
         Self { width, height, texels }
     }
 
     /// Repaints the texels inside a box (corners in texels, clipped): `color(at, before)`, sRGB of 0–1.
-    pub(super) fn paint(&mut self, low: Vec2, high: Vec2, color: impl Fn(Vec2, Vec3) -> Vec3) {
+    pub(super) fn paint(&mut self, low: Vec2, high: Vec2, color: impl Fn(Vec2, Vec3) -> Vec3 + Sync) {
         let clip = |v: f32, limit: usize| v.clamp(0.0, limit as f32) as usize;
-        for y in clip(low.y, self.height)..clip(high.y.ceil(), self.height) {
-            for x in clip(low.x, self.width)..clip(high.x.ceil(), self.width) {
-                let texel = &mut self.texels[y * self.width + x];
-                let before = Vec3::from(texel.map(|v| f32::from(v) / 255.0));
-                *texel = stored(color(Vec2::new(x as f32 + 0.5, y as f32 + 0.5), before));
-            }
+        let (top, bottom) = (clip(low.y, self.height), clip(high.y.ceil(), self.height));
+        let (left, right) = (clip(low.x, self.width), clip(high.x.ceil(), self.width));
+        if left >= right || top >= bottom {
+            return;
         }
+        let rows = &mut self.texels[top * self.width..bottom * self.width];
+        rows.par_chunks_mut(self.width).enumerate().for_each(|(row, texels)| {
+            for (column, texel) in texels[left..right].iter_mut().enumerate() {
+                let before = Vec3::from(texel.map(|v| f32::from(v) / 255.0));
+                let at = Vec2::new((left + column) as f32 + 0.5, (top + row) as f32 + 0.5);
+                *texel = stored(color(at, before));
+            }
+        });
     }
 
     /// A fine grain over all texels, so that no place is without texture.

@@ -23,10 +23,10 @@ impl BladePlan {
     pub(super) fn draw(length_m: f64, dice: &mut Dice) -> Self {
         Self {
             length_m,
-            width_m: dice.range(0.0090, 0.0140),
-            insertion: dice.range(22.0, 42.0).to_radians(),
+            width_m: dice.range(0.0095, 0.0145),
+            insertion: dice.range(18.0, 38.0).to_radians(),
             tip_elevation: dice.range(-75.0, -15.0).to_radians(),
-            twist: dice.range(-0.7, 0.7),
+            twist: dice.range(0.5, 1.3) * if dice.below(2) == 0 { 1.0 } else { -1.0 },
         }
     }
 }

@@ -7,7 +7,12 @@ pub(super) struct Dice(Pcg32);
 impl Dice {
     /// Independent sequences for different `stream`s of one `seed`.
     pub(super) fn new(seed: u64, stream: u64) -> Self {
-        Self(Pcg32::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d, stream))
+        // SplitMix64's finaliser (Steele, Lea, Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014):
+        // neighbouring seeds give unlike scenes.
+        let mut state = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        Self(Pcg32::new(state ^ (state >> 31), stream))
     }
 
     /// Uniform in `low..high`.

@@ -9,8 +9,9 @@ pub(super) const GRAIN_LENGTH_M: f64 = 0.007;
 pub(super) const GRAIN_WIDTH_M: f64 = 0.003;
 /// Grains lie at least 1 mm apart.
 const GAP_M: f64 = 0.001;
-const MIN_GRAINS: usize = 66;
-const MAX_GRAINS: usize = 96;
+const BRANCHES: usize = 14;
+const MIN_GRAINS: usize = 80;
+const MAX_GRAINS: usize = 120;
 
 /// A grain: centre and unit axis.
 #[derive(Debug, Clone, Copy)]
@@ -35,7 +36,7 @@ impl Panicle {
         let level = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
         let to = tip.cos() * level + tip.sin() * DVec3::Z;
         let rachis = Curve::turning(neck.x, neck.tangent, to, 1.6, dice.range(0.150, 0.170), neck.side);
-        let branches = (0..11).map(|k| branch(&rachis, k, dice)).collect();
+        let branches = (0..BRANCHES).map(|k| branch(&rachis, k, dice)).collect();
         let mut panicle = Self { rachis, neck_radius_m, branches, grains: Vec::new(), stalks: Vec::new() };
         panicle.set_grains(dice);
         panicle
@@ -98,7 +99,7 @@ impl Panicle {
 
 /// The `k`-th branch: leaves the rachis in a spiral (137.5°), the lower the longer, and bends down.
 fn branch(rachis: &Curve, k: usize, dice: &mut Dice) -> Curve {
-    let share = 0.12 + 0.80 * (k as f64 + dice.range(-0.25, 0.25)) / 10.0;
+    let share = 0.12 + 0.80 * (k as f64 + dice.range(-0.25, 0.25)) / (BRANCHES - 1) as f64;
     let station = rachis.at(share.clamp(0.05, 0.97) * rachis.length_m());
     let outward = DQuat::from_axis_angle(station.tangent, 2.4 * k as f64 + dice.range(-0.3, 0.3)) * station.side;
     let angle = dice.range(0.42, 0.75_f64);

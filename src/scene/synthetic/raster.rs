@@ -65,7 +65,7 @@ impl<'a> Raster<'a> {
 
     /// A triangle as the camera sees it; `None` when it is behind, edge-on or beside the picture.
     pub(super) fn facet(&self, triangle: u32) -> Option<Facet> {
-        let corners = self.model.triangles[triangle as usize].map(|v| self.x_in_camera[v as usize]);
+        let corners = self.model.triangles.get(triangle as usize)?.map(|v| self.x_in_camera[v as usize]);
         let [a, b, c] = corners;
         let volume = a.dot(b.cross(c));
         let sign = volume.signum();

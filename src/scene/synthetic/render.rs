@@ -46,37 +46,49 @@ struct Painter<'a> {
     view: &'a View,
 }
 
+/// The samples of a pixel (column, row).
+const ALL: [(u32, u32); 9] = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1), (0, 2), (1, 2), (2, 2)];
+/// Enough of them where one part fills the pixel.
+const CORNERS: [(u32, u32); 4] = [(0, 0), (2, 0), (0, 2), (2, 2)];
+
 impl Painter<'_> {
     fn band(&self, band: usize) -> Band {
         let rows = band_rows(&self.view.camera, band);
         let hits = self.raster.hits(band, SAMPLES);
-        let columns = self.view.camera.width;
-        let stride = (columns * SAMPLES) as usize;
+        let stride = (self.view.camera.width * SAMPLES) as usize;
         let mut out = Band { colors: Vec::new(), depths: Vec::new(), labels: Vec::new() };
-        let mut last: (u32, Option<Facet>) = (NOTHING, None);
         for row in 0..rows.len() as u32 {
-            for column in 0..columns {
-                let mut sum = Vec3::ZERO;
-                for k in 0..SAMPLES * SAMPLES {
-                    let (x, y) = (column * SAMPLES + k % SAMPLES, row * SAMPLES + k / SAMPLES);
-                    let triangle = hits.triangles[y as usize * stride + x as usize];
-                    if triangle != last.0 {
-                        last = (triangle, if triangle == NOTHING { None } else { self.raster.facet(triangle) });
-                    }
-                    if let Some(facet) = &last.1 {
-                        sum += self.shade(facet, triangle, (x, y + rows.start * SAMPLES));
-                    }
-                }
-                let half = SAMPLES / 2;
-                let centre = ((row * SAMPLES + half) as usize) * stride + (column * SAMPLES + half) as usize;
+            for column in 0..self.view.camera.width {
+                let hit = |(x, y): (u32, u32)| (row * SAMPLES + y) as usize * stride + (column * SAMPLES + x) as usize;
+                let triangles = ALL.map(|sample| hits.triangles[hit(sample)]);
+                out.colors.push(encoded(self.pixel(triangles, (column, rows.start + row))));
+                let centre = hit((SAMPLES / 2, SAMPLES / 2));
                 let triangle = hits.triangles[centre];
                 let seen = triangle != NOTHING;
-                out.colors.push(encoded(sum / (SAMPLES * SAMPLES) as f32));
                 out.depths.push(if seen { hits.depths[centre] as f32 } else { 0.0 });
                 out.labels.push(if seen { self.model.look(triangle as usize).label } else { LabelId::NONE });
             }
         }
         out
+    }
+
+    /// Linear RGB of a pixel whose samples show these triangles.
+    fn pixel(&self, triangles: [u32; 9], (column, row): (u32, u32)) -> Vec3 {
+        let part = |triangle: u32| (triangle != NOTHING).then(|| self.model.look_of[triangle as usize]);
+        let uniform = triangles.iter().all(|&triangle| part(triangle) == part(triangles[0]));
+        let shaded: &[(u32, u32)] = if uniform { &CORNERS } else { &ALL };
+        let mut last: (u32, Option<Facet>) = (NOTHING, None);
+        let mut sum = Vec3::ZERO;
+        for &(x, y) in shaded {
+            let triangle = triangles[(y * SAMPLES + x) as usize];
+            if triangle != last.0 {
+                last = (triangle, self.raster.facet(triangle));
+            }
+            if let Some(facet) = &last.1 {
+                sum += self.shade(facet, triangle, (column * SAMPLES + x, row * SAMPLES + y));
+            }
+        }
+        sum / shaded.len() as f32
     }
 
     /// Linear RGB of a sample.

@@ -121,12 +121,13 @@ impl Shoot {
         let azimuth = turn + std::f64::consts::TAU * k as f64 / 3.0 + dice.range(-0.25, 0.25);
         let outward = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
         let leaning = |degrees: f64| (DVec3::Z + degrees.to_radians().tan() * outward).normalize();
-        let (from, to) = (leaning(dice.range(6.0, 10.0)), leaning(dice.range(1.0, 5.0)));
+        let (from, to) = (leaning(dice.range(4.0, 8.0)), leaning(dice.range(-2.0, 2.0)));
         let length = stretch * if k == 0 { dice.range(0.43, 0.45) } else { dice.range(0.29, 0.35) };
         let side = from.cross(DVec3::Y).normalize();
         let curve = Curve::turning(outward * dice.range(0.012, 0.016), from, to, 1.0, length, side);
         let count = LEAVES[k];
-        let pitch = length * 0.90 / count as f64;
+        // The main culm rises bare above its last leaf; the others end in theirs.
+        let pitch = if k == 0 { 0.90 * length / count as f64 } else { 0.95 * length / (count as f64 - 0.42) };
         let nodes_m: Vec<f64> =
             (0..count).map(|i| 0.05 * length + pitch * (i as f64 + dice.range(-0.05, 0.05))).collect();
         let culm = Culm::new(curve, nodes_m, dice);
@@ -141,7 +142,7 @@ impl Leaf {
         let turn = if i.is_multiple_of(2) { 0.75 } else { -0.75 };
         let azimuth = outward_azimuth + turn + dice.range(-0.3, 0.3);
         let from_m = culm.nodes_m[i];
-        let to_m = from_m + pitch * dice.range(0.50, 0.60);
+        let to_m = from_m + pitch * dice.range(0.50, 0.58);
         let collar = culm.curve.at(to_m);
         let level = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
         let sheath = Sheath { from_m, to_m, angle: level.dot(collar.up).atan2(level.dot(collar.side)) };

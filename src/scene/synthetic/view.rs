@@ -49,7 +49,7 @@ struct Subject {
 /// Views from left to right along an arc about the specimen, looking slightly down at its middle.
 pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<View> {
     let subject = match options.scene {
-        SceneKind::Tiller => Subject { middle: DVec3::new(0.0, 0.0, 0.292), width_m: 0.48, height_m: 0.655 },
+        SceneKind::Tiller => Subject { middle: DVec3::new(0.0, 0.0, 0.303), width_m: 0.50, height_m: 0.69 },
         SceneKind::Bricks => Subject { middle: DVec3::new(0.0, 0.0, 0.12), width_m: 0.50, height_m: 0.40 },
     };
     let (width, height) = (f64::from(options.width), f64::from(options.height));

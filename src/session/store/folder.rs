@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 
 use super::checkpoint::Checkpoint;
 use super::journal::{Journal, ReadRecords, read_records};
@@ -58,13 +58,28 @@ impl Folder {
     /// # Errors
     /// When the folder holds something, or cannot be written.
     pub fn create(root: &Path, project: &Project) -> Result<Self> {
-        check_empty(root)?;
+        Self::check_new(root)?;
         let made = first_missing(root);
         let created = Self::create_in(root, project);
         if created.is_err() {
             remove_made(root, made.as_deref());
         }
         created
+    }
+
+    /// Refuses a place where no new project can be made.
+    ///
+    /// # Errors
+    /// When the folder holds something or cannot be read.
+    pub fn check_new(root: &Path) -> Result<()> {
+        let mut entries = match std::fs::read_dir(root) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+            Err(error) => bail!("{}: cannot hold a project ({error}); choose another folder", root.display()),
+        };
+        ensure!(!root.join("project.toml").exists(), "{}: already holds a project; open it instead", root.display());
+        ensure!(entries.next().is_none(), "{}: is not empty; choose a new or empty folder", root.display());
+        Ok(())
     }
 
     fn create_in(root: &Path, project: &Project) -> Result<Self> {
@@ -148,25 +163,13 @@ impl Folder {
     /// # Errors
     /// When the journal cannot be rewritten; it stands as before and is only longer than it must be.
     pub fn written(&mut self, written: Written) -> Result<()> {
+        if written.seq < self.written.seq {
+            return Ok(()); // a later one was written meanwhile
+        }
         let seq = written.seq;
         self.written = written;
         self.journal.forget(seq)
     }
-}
-
-fn check_empty(root: &Path) -> Result<()> {
-    let mut entries = match std::fs::read_dir(root) {
-        Ok(entries) => entries,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
-        Err(error) => {
-            return Err(error).map_err(|error| {
-                anyhow::anyhow!("{}: cannot hold a project ({error}); choose another folder", root.display())
-            });
-        }
-    };
-    ensure!(!root.join("project.toml").exists(), "{}: already holds a project; open it instead", root.display());
-    ensure!(entries.next().is_none(), "{}: is not empty; choose a new or empty folder", root.display());
-    Ok(())
 }
 
 /// The topmost folder on the way to `root` that does not exist yet.
