@@ -146,7 +146,9 @@ impl Shelf {
         self.clock += 1;
         self.kept.insert(frame, (self.clock, image));
         while self.kept.len() > keep {
-            let Some(oldest) = self.kept.iter().min_by_key(|(_, (seen, _))| *seen).map(|(&frame, _)| frame) else { break };
+            let Some(oldest) = self.kept.iter().min_by_key(|(_, (seen, _))| *seen).map(|(&frame, _)| frame) else {
+                break;
+            };
             self.kept.remove(&oldest);
         }
     }
