@@ -4,6 +4,7 @@
 
 mod act;
 mod apply;
+mod cloud;
 mod command;
 mod commands;
 mod edit;
