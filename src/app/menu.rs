@@ -5,7 +5,13 @@ use super::{Action, Look, MenuName, ViewState};
 use crate::session::Command;
 
 /// The menu bar, made from the list of actions, with undo and redo at its end.
-pub(super) fn menu_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
+pub(super) fn menu_bar_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &ViewState,
+    out: &mut Vec<Command>,
+    wishes: &mut Vec<Action>,
+) {
     MenuBar::new().ui(ui, |ui| {
         for menu in MenuName::ALL {
             ui.menu_button(menu.text(), |ui| menu_ui(ui, menu, look, view, out, wishes));
@@ -60,7 +66,14 @@ pub(super) fn text_now(action: Action, look: &Look<'_>) -> String {
     step.map_or_else(|| action.text(), |step| format!("{} {step}", action.text()))
 }
 
-fn menu_ui(ui: &mut Ui, menu: MenuName, look: &Look<'_>, view: &ViewState, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
+fn menu_ui(
+    ui: &mut Ui,
+    menu: MenuName,
+    look: &Look<'_>,
+    view: &ViewState,
+    out: &mut Vec<Command>,
+    wishes: &mut Vec<Action>,
+) {
     ui.set_min_width(220.0);
     for action in Action::all().filter(|action| action.menu() == Some(menu)) {
         if action.starts_group() {

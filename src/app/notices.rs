@@ -54,17 +54,17 @@ pub(super) fn notices_ui(ui: &Ui, notices: &mut Notices) {
         return;
     }
     let mut dismissed = None;
-    egui::Area::new("notices".into()).anchor(Align2::RIGHT_TOP, [-12.0, 40.0]).order(egui::Order::Foreground).show(
-        ui.ctx(),
-        |ui| {
+    egui::Area::new(egui::Id::unique("notices"))
+        .anchor(Align2::RIGHT_TOP, [-12.0, 40.0])
+        .order(egui::Order::Foreground)
+        .show(ui.ctx(), |ui| {
             for (index, notice) in notices.shown.iter().enumerate() {
                 if notice_ui(ui, notice) {
                     dismissed = Some(index);
                 }
                 ui.add_space(6.0);
             }
-        },
-    );
+        });
     if let Some(index) = dismissed {
         notices.shown.remove(index);
     }
@@ -86,7 +86,10 @@ fn notice_ui(ui: &mut Ui, notice: &Notice) -> bool {
                     ui.label(RichText::new(title).color(color).strong());
                     ui.label(&notice.text);
                 });
-                ui.button("✖").on_hover_text("Dismiss").accessible_name(format!("Dismiss {title}: {}", notice.text)).clicked()
+                ui.button("✖")
+                    .on_hover_text("Dismiss")
+                    .accessible_name(format!("Dismiss {title}: {}", notice.text))
+                    .clicked()
             })
             .inner
         })

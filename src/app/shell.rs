@@ -70,7 +70,12 @@ impl Shell {
         Panel::top("menu").frame(bar).show(ui, |ui| menu_bar_ui(ui, look, &self.view, out, wishes));
         Panel::bottom("status").frame(bar).show(ui, |ui| status_ui(ui, look, &self.view));
         if look.has_frames() {
-            let strip = Frame::new().fill(ui.visuals().panel_fill).inner_margin(Margin { left: 8, right: 8, top: 6, bottom: 2 });
+            let strip = Frame::new().fill(ui.visuals().panel_fill).inner_margin(Margin {
+                left: 8,
+                right: 8,
+                top: 6,
+                bottom: 2,
+            });
             Panel::bottom("filmstrip").resizable(false).exact_size(114.0).frame(strip).show(ui, |ui| {
                 filmstrip_ui(ui, look, &mut self.view, &mut self.textures);
             });
@@ -114,10 +119,12 @@ impl Shell {
         if panes == Panes::Both && has_scene {
             let half = ui.available_width() * 0.46;
             let frame = Frame::new().fill(ui.visuals().panel_fill);
-            Panel::right("scene").resizable(true).default_size(half).size_range(220.0..=half * 1.8).frame(frame).show(
-                ui,
-                |ui| self.scene.ui(ui, look, &mut self.view, wishes),
-            );
+            Panel::right("scene")
+                .resizable(true)
+                .default_size(half)
+                .size_range(220.0..=half * 1.8)
+                .frame(frame)
+                .show(ui, |ui| self.scene.ui(ui, look, &mut self.view, wishes));
         }
         picture_pane_ui(ui, look, &mut self.view, &mut self.textures, out, wishes);
     }

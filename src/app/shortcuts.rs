@@ -74,8 +74,7 @@ impl Shortcuts {
 /// The keys of a press that is no repeat, except for moving through frames.
 pub(super) fn pressed_keys(event: &Event) -> Option<KeyboardShortcut> {
     let Event::Key { key, pressed: true, repeat, modifiers, .. } = event else { return None };
-    let repeatable =
-        matches!(key, Key::ArrowLeft | Key::ArrowRight | Key::OpenBracket | Key::CloseBracket | Key::Z);
+    let repeatable = matches!(key, Key::ArrowLeft | Key::ArrowRight | Key::OpenBracket | Key::CloseBracket | Key::Z);
     (!repeat || repeatable).then_some(KeyboardShortcut::new(*modifiers, *key))
 }
 

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
 
 use crate::frames::Image;
-use crate::masks::RunMask;
 use crate::masks::LabelTree;
+use crate::masks::RunMask;
 use crate::view::{OverlayStyle, overlay};
 
 /// Textures of pictures, thumbnails and masks; each is made anew only when what it shows changed.
@@ -52,7 +52,11 @@ impl Textures {
         match &self.picture {
             Some((shown, texture)) if Arc::ptr_eq(shown, image) => texture.clone(),
             _ => {
-                let texture = ctx.load_texture("picture", fitted(ctx, image.width, image.height, |i| opaque(image.pixels[i])), PIXELS);
+                let texture = ctx.load_texture(
+                    "picture",
+                    fitted(ctx, image.width, image.height, |i| opaque(image.pixels[i])),
+                    PIXELS,
+                );
                 self.picture = Some((Arc::clone(image), texture.clone()));
                 texture
             }
@@ -60,7 +64,13 @@ impl Textures {
     }
 
     /// The texture of the mask over the picture.
-    pub fn mask(&mut self, ctx: &Context, runs: &Arc<RunMask>, tree: &LabelTree, style: &OverlayStyle) -> TextureHandle {
+    pub fn mask(
+        &mut self,
+        ctx: &Context,
+        runs: &Arc<RunMask>,
+        tree: &LabelTree,
+        style: &OverlayStyle,
+    ) -> TextureHandle {
         if let Some(shown) = &self.mask
             && Arc::ptr_eq(&shown.runs, runs)
             && shown.style == *style
@@ -74,8 +84,12 @@ impl Textures {
             Color32::from_rgba_unmultiplied(r, g, b, a)
         };
         let texture = ctx.load_texture("mask", fitted(ctx, runs.width, runs.height, color), PIXELS);
-        self.mask =
-            Some(MaskTexture { runs: Arc::clone(runs), tree: tree.clone(), style: style.clone(), texture: texture.clone() });
+        self.mask = Some(MaskTexture {
+            runs: Arc::clone(runs),
+            tree: tree.clone(),
+            style: style.clone(),
+            texture: texture.clone(),
+        });
         texture
     }
 

@@ -10,7 +10,8 @@ use crate::session::Project;
 pub fn run(path: Option<PathBuf>) -> anyhow::Result<()> {
     let _ = path;
     let options = eframe::NativeOptions::default();
-    eframe::run_native("OSTRA", options, Box::new(|cc| Ok(Box::new(Window::new(cc))))).map_err(|e| anyhow::anyhow!("{e}"))
+    eframe::run_native("OSTRA", options, Box::new(|cc| Ok(Box::new(Window::new(cc)))))
+        .map_err(|e| anyhow::anyhow!("{e}"))
 }
 
 struct Window {

@@ -44,8 +44,7 @@ fn wheel(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) {
 /// Middle drag or Space + drag; whether the pointer is taken for it.
 fn pan(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) -> bool {
     let space = response.hovered() && ui.input(|i| i.key_down(Key::Space));
-    let dragging =
-        response.dragged_by(PointerButton::Middle) || (space && response.dragged_by(PointerButton::Primary));
+    let dragging = response.dragged_by(PointerButton::Middle) || (space && response.dragged_by(PointerButton::Primary));
     if dragging {
         view.zoom.pan(map, response.drag_delta());
         ui.ctx().set_cursor_icon(egui::CursorIcon::Grabbing);

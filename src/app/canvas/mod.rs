@@ -8,7 +8,7 @@ mod picture_pane;
 mod prompts;
 mod toolbar;
 
-pub use draft::{Draft, Stroke, Tool};
+pub use draft::{Draft, Tool};
 pub use map::{CanvasMap, ZoomState};
 pub(super) use picture_pane::picture_pane_ui;
-pub(super) use prompts::{click_at, clear_label, id_at};
+pub(super) use prompts::{clear_label, click_at, id_at};

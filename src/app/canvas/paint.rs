@@ -14,7 +14,13 @@ pub(super) fn texture(painter: &Painter, map: &CanvasMap, id: TextureId) {
 }
 
 /// Prompts of all labels, those of the chosen one larger; box, stroke and polygon in hand.
-pub(super) fn prompts_and_draft(painter: &Painter, map: &CanvasMap, look: &Look<'_>, view: &ViewState, pointer: Option<Pos2>) {
+pub(super) fn prompts_and_draft(
+    painter: &Painter,
+    map: &CanvasMap,
+    look: &Look<'_>,
+    view: &ViewState,
+    pointer: Option<Pos2>,
+) {
     for label in look.project.labels.iter().filter(|label| !view.hidden.contains(&label.id)) {
         let prompt = view.draft.prompt(look.project, view.frame, label.id);
         prompt_marks(painter, map, &prompt, color_of(look, label.id), view.label == Some(label.id));

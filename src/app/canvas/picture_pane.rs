@@ -1,4 +1,4 @@
-use egui::{Sense, Ui, WidgetInfo, WidgetType};
+use egui::{Role, Sense, Ui, WidgetInfo};
 
 use super::input::canvas_input;
 use super::map::CanvasMap;
@@ -26,7 +26,7 @@ pub(in crate::app) fn picture_pane_ui(
     });
     let (pane, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let name = format!("Picture {}", frame.name);
-    response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, ui.is_enabled(), &name));
+    response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), &name));
     let map = view.zoom.map(pane, size_px);
     canvas_input(ui, &response, &map, look, view, out);
     let map = view.zoom.map(pane, size_px);

@@ -7,7 +7,13 @@ use crate::session::{Command, PaintRequest, PromptRequest};
 use super::draft::Stroke;
 
 /// Adds a click for the chosen label.
-pub(in crate::app) fn click_at(look: &Look<'_>, view: &mut ViewState, at_px: DVec2, include: bool, out: &mut Vec<Command>) {
+pub(in crate::app) fn click_at(
+    look: &Look<'_>,
+    view: &mut ViewState,
+    at_px: DVec2,
+    include: bool,
+    out: &mut Vec<Command>,
+) {
     add(look, view, out, |prompt| prompt.clicks.push(Click { at_px, include }));
 }
 

@@ -24,8 +24,11 @@ fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
         }
     }
     if matches!(view.tool, Tool::Brush | Tool::Eraser) {
-        let size = egui::DragValue::new(&mut view.prefs.brush_px).range(0.5..=500.0).speed(0.2).suffix(" px").max_decimals(1);
-        ui.add(size).on_hover_text("Radius of the brush (Shift+wheel over the picture)").accessible_name("Brush radius");
+        let size =
+            egui::DragValue::new(&mut view.prefs.brush_px).range(0.5..=500.0).speed(0.2).suffix(" px").max_decimals(1);
+        ui.add(size)
+            .on_hover_text("Radius of the brush (Shift+wheel over the picture)")
+            .accessible_name("Brush radius");
     }
 }
 
@@ -36,7 +39,8 @@ fn zoom_ui(ui: &mut Ui, view: &ViewState, zoom_percent: f32, wishes: &mut Vec<Ac
         }
     }
     let text = egui::RichText::new(format!("{zoom_percent:.0} %")).weak();
-    ui.add_sized([44.0, 18.0], egui::Label::new(text)).on_hover_text("Zoom: wheel over the picture; middle drag or Space+drag moves it");
+    ui.add_sized([44.0, 18.0], egui::Label::new(text))
+        .on_hover_text("Zoom: wheel over the picture; middle drag or Space+drag moves it");
 }
 
 fn mask_look_ui(ui: &mut Ui, view: &mut ViewState) {

@@ -76,7 +76,7 @@ impl ExportForm {
 /// The export dialog: what to write, and into which folder.
 pub(in crate::app) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let has = Available::of(look);
-    let response = Modal::new("export".into()).show(ui.ctx(), |ui| {
+    let response = Modal::new(egui::Id::unique("export")).show(ui.ctx(), |ui| {
         ui.set_width(520.0);
         ui.heading("Export");
         ui.add_space(8.0);
@@ -88,7 +88,13 @@ pub(in crate::app) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, 
         section_heading(ui, "Into folder");
         ui.horizontal(|ui| {
             let target = (Pick::Folder, PickTarget::ExportInto);
-            path_field_ui(ui, &mut view.picker, ("Export folder", "folder to write into"), &mut view.export.into, target);
+            path_field_ui(
+                ui,
+                &mut view.picker,
+                ("Export folder", "folder to write into"),
+                &mut view.export.into,
+                target,
+            );
         });
         ui.add_space(12.0);
         end_ui(ui, view, &has, out);
@@ -118,7 +124,8 @@ fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
 fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
     let tip = "Writes the same points in the colours of their labels beside the file";
     ui.checkbox(&mut form.twin, "Twin in label colours").on_hover_text(tip);
-    ui.checkbox(&mut form.per_label, "One file per label too").on_hover_text("Writes each label's points into a file of their own");
+    ui.checkbox(&mut form.per_label, "One file per label too")
+        .on_hover_text("Writes each label's points into a file of their own");
     ui.horizontal(|ui| {
         ui.label("Label level");
         let drag = DragValue::new(&mut form.level).range(0..=16).speed(0.05);
@@ -132,7 +139,8 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState, has: &Available, out: &mut Vec<Comm
     let request = view.export.request(has);
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
         let button = ui.add_enabled(request.is_some(), egui::Button::new("Write files"));
-        let button = button.on_hover_text("Writes what is ticked").on_disabled_hover_text("Tick something and name a folder");
+        let button =
+            button.on_hover_text("Writes what is ticked").on_disabled_hover_text("Tick something and name a folder");
         if button.clicked()
             && let Some(request) = request
         {

@@ -17,5 +17,5 @@ pub(super) use export::export_ui;
 pub(super) use new_project::new_project_ui;
 pub(super) use palette::palette_ui;
 pub(super) use path::path_ui;
-pub(super) use picker::{PickTarget, take_picked};
+pub(super) use picker::take_picked;
 pub(super) use sheet::sheet_ui;

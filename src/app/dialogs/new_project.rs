@@ -105,7 +105,7 @@ impl NewProjectForm {
 /// The dialog for a new project, or for more frames in the open one.
 pub(in crate::app) fn new_project_ui(ui: &Ui, view: &mut ViewState, dialog: Dialog, out: &mut Vec<Command>) {
     let new = dialog == Dialog::NewProject;
-    let response = Modal::new("new project".into()).show(ui.ctx(), |ui| {
+    let response = Modal::new(egui::Id::unique("new project")).show(ui.ctx(), |ui| {
         ui.set_width(600.0);
         ui.heading(if new { "New project from frames" } else { "Add frames" });
         ui.add_space(8.0);
@@ -129,7 +129,8 @@ fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
             ui.weak("metres per step");
         });
     }
-    ui.label("Cameras").on_hover_text("COLMAP model, transforms.json, TUM or Redwood trajectory, pose files; may stay empty");
+    ui.label("Cameras")
+        .on_hover_text("COLMAP model, transforms.json, TUM or Redwood trajectory, pose files; may stay empty");
     ui.horizontal(|ui| {
         let target = (Pick::Folder, PickTarget::Cameras);
         path_field_ui(ui, picker, ("Cameras file or folder", "none"), &mut form.cameras, target);
@@ -179,7 +180,8 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState, new: bool, out: &mut Vec<Command>) 
     ui.horizontal(|ui| {
         ui.weak(request.as_ref().err().map_or("", String::as_str));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            let (text, tip) = if new { ("Create", "Makes the project and opens it") } else { ("Add", "Adds the frames") };
+            let (text, tip) =
+                if new { ("Create", "Makes the project and opens it") } else { ("Add", "Adds the frames") };
             if ui.add_enabled(request.is_ok(), egui::Button::new(text)).on_hover_text(tip).clicked()
                 && let Ok(request) = request
             {

@@ -6,9 +6,11 @@ use crate::app::{Action, Look, ViewState};
 /// A list of all actions to type into; Enter does the first one.
 pub(in crate::app) fn palette_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     let mut chosen = None;
-    let response = Modal::new("palette".into()).show(ui.ctx(), |ui| {
+    let response = Modal::new(egui::Id::unique("palette")).show(ui.ctx(), |ui| {
         ui.set_width(440.0);
-        let edit = TextEdit::singleline(&mut view.palette_text).hint_text("Type what you want to do").desired_width(f32::INFINITY);
+        let edit = TextEdit::singleline(&mut view.palette_text)
+            .hint_text("Type what you want to do")
+            .desired_width(f32::INFINITY);
         let edit = ui.add(edit).accessible_name("Find action");
         let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
         if !entered {

@@ -17,7 +17,7 @@ struct Texts {
 pub(in crate::app) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut Vec<Command>) {
     let texts = texts(wish);
     let mut done = false;
-    let response = Modal::new("path".into()).show(ui.ctx(), |ui| {
+    let response = Modal::new(egui::Id::unique("path")).show(ui.ctx(), |ui| {
         ui.set_width(480.0);
         ui.heading(texts.heading);
         ui.add_space(8.0);
@@ -52,7 +52,9 @@ fn texts(wish: PathWish) -> Texts {
     let (heading, field, hint, verb, pick) = match wish {
         PathWish::OpenProject => ("Open project", "Project folder", "folder with a project.toml", "Open", Pick::Folder),
         PathWish::InspectPly => ("Inspect PLY", "PLY file", "labelled point cloud (.ply)", "Open", Pick::File),
-        PathWish::ImportMasks => ("Import masks", "Masks folder", "folder of palette PNGs, one a frame", "Import", Pick::Folder),
+        PathWish::ImportMasks => {
+            ("Import masks", "Masks folder", "folder of palette PNGs, one a frame", "Import", Pick::Folder)
+        }
         PathWish::SaveRecipe => ("Save history as recipe", "Recipe file", "file to write (.json)", "Save", Pick::Save),
     };
     Texts { heading, field, hint, verb, pick }

@@ -35,7 +35,7 @@ const POINTER: [(&str, &str); 12] = [
 /// All shortcuts, each with a button to change it, and what the pointer does.
 pub(in crate::app) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
     listen(ui.ctx(), view);
-    let response = Modal::new("shortcuts".into()).show(ui.ctx(), |ui| {
+    let response = Modal::new(egui::Id::unique("shortcuts")).show(ui.ctx(), |ui| {
         ui.set_width(720.0);
         ui.horizontal(|ui| {
             ui.heading("Shortcuts");
@@ -45,7 +45,8 @@ pub(in crate::app) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
                     view.dialog = None;
                 }
                 let changed = view.prefs.shortcuts.is_changed();
-                let reset = ui.add_enabled(changed, Button::new("Reset all")).on_hover_text("All shortcuts as at first");
+                let reset =
+                    ui.add_enabled(changed, Button::new("Reset all")).on_hover_text("All shortcuts as at first");
                 if reset.clicked() {
                     view.prefs.shortcuts.reset();
                 }
@@ -88,7 +89,8 @@ fn row_ui(ui: &mut Ui, view: &mut ViewState, action: Action) {
     let listening = view.sheet.changing == Some(action);
     let keys = if listening { "press keys…".into() } else { view.prefs.shortcuts.text(ui.ctx(), action) };
     let text = RichText::new(if keys.is_empty() { "–" } else { &keys }).monospace();
-    let button = ui.add(Button::selectable(listening, text)).on_hover_text("Click, then press the new keys; Esc leaves it");
+    let button =
+        ui.add(Button::selectable(listening, text)).on_hover_text("Click, then press the new keys; Esc leaves it");
     if button.accessible_name(format!("Shortcut of {}: {keys}", action.text())).clicked() {
         view.sheet.changing = if listening { None } else { Some(action) };
     }

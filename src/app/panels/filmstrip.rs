@@ -1,4 +1,4 @@
-use egui::{Color32, Pos2, Rect, Response, ScrollArea, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo, WidgetType};
+use egui::{Color32, Pos2, Rect, Response, Role, ScrollArea, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo};
 
 use crate::app::textures::Textures;
 use crate::app::{Look, ViewState};
@@ -38,12 +38,14 @@ pub(in crate::app) fn filmstrip_ui(ui: &mut Ui, look: &Look<'_>, view: &mut View
             }
         }
     });
-    ui.data_mut(|data| data.insert_temp("filmstrip".into(), (out.state.clamped_offset().x, out.inner_rect.width())));
+    ui.data_mut(|data| {
+        data.insert_temp(egui::Id::unique("filmstrip"), (out.state.clamped_offset().x, out.inner_rect.width()))
+    });
 }
 
 /// The scroll offset that brings the frame into sight, moving no more than needed.
 fn offset_showing(ui: &Ui, frame: usize, pitch: f32) -> f32 {
-    let (offset, width) = ui.data(|data| data.get_temp::<(f32, f32)>("filmstrip".into())).unwrap_or((0.0, 0.0));
+    let (offset, width) = ui.data(|data| data.get_temp::<(f32, f32)>(egui::Id::unique("filmstrip"))).unwrap_or((0.0, 0.0));
     let begin = frame as f32 * pitch;
     if begin < offset + pitch {
         (begin - pitch).max(0.0)
@@ -55,11 +57,11 @@ fn offset_showing(ui: &Ui, frame: usize, pitch: f32) -> f32 {
 }
 
 fn tile_ui(ui: &Ui, rect: Rect, look: &Look<'_>, view: &ViewState, textures: &mut Textures, frame: usize) -> Response {
-    let response = ui.interact(rect, ui.id().with(("tile", frame)), Sense::click());
+    let response = ui.interact(rect, ui.scope_id().with(("tile", frame)), Sense::click());
     let mask = look.project.masks.get(&frame);
     let (state, shown) = (state_of(mask), view.frame == frame);
     let name = format!("Frame {frame}, {}", state.text());
-    response.widget_info(|| WidgetInfo::selected(WidgetType::SelectableLabel, true, shown, &name));
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, shown, &name));
     background(ui, &response, rect, shown);
     picture(ui, rect, look, textures, frame);
     caption(ui, rect, frame, state, shown);
@@ -120,7 +122,8 @@ fn label_marks(ui: &Ui, rect: Rect, look: &Look<'_>, view: &ViewState, frame: us
     let mut right = rect.right() - 5.0;
     for &label in view.presence.on_frame(frame).iter().rev().take(7) {
         let [r, g, b] = look.project.labels.get(label).map_or([120; 3], |label| label.color);
-        let bar = Rect::from_min_max(egui::pos2(right - 5.0, rect.bottom() - 14.0), egui::pos2(right, rect.bottom() - 6.0));
+        let bar =
+            Rect::from_min_max(egui::pos2(right - 5.0, rect.bottom() - 14.0), egui::pos2(right, rect.bottom() - 6.0));
         ui.painter().rect_filled(bar, 1.0, Color32::from_rgb(r, g, b));
         right -= 7.0;
     }

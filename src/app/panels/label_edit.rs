@@ -34,7 +34,8 @@ pub(super) fn new_label_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, o
         let edit = ui.add(edit).on_hover_text("Name of a new label; Enter adds it").accessible_name("New label name");
         let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
         let typed = !view.labels.new_name.trim().is_empty();
-        let add = ui.add_enabled(typed, egui::Button::new("Add")).on_hover_text("Adds the label and chooses it (Enter)");
+        let add =
+            ui.add_enabled(typed, egui::Button::new("Add")).on_hover_text("Adds the label and chooses it (Enter)");
         if typed && (entered || add.clicked()) {
             let name = std::mem::take(&mut view.labels.new_name).trim().to_owned();
             view.label = Some(look.project.labels.next_id());
@@ -73,11 +74,14 @@ pub(super) fn label_menu_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, 
     if ui.button("Add label below it").on_hover_text("The next new label becomes a part of this one").clicked() {
         view.labels.parent = Some(label.id);
     }
-    ui.menu_button("Move under", |ui| move_ui(ui, look, out, label)).response.on_hover_text("Makes it a part of another label");
+    ui.menu_button("Move under", |ui| move_ui(ui, look, out, label))
+        .response
+        .on_hover_text("Makes it a part of another label");
     ui.separator();
     let has_children = look.project.labels.iter().any(|other| other.parent == Some(label.id));
     let remove = ui.add_enabled(!has_children, egui::Button::new("Remove"));
-    let remove = remove.on_hover_text("Removes the label with its clicks; its pixels become unlabelled (can be undone)");
+    let remove =
+        remove.on_hover_text("Removes the label with its clicks; its pixels become unlabelled (can be undone)");
     if remove.on_disabled_hover_text("Remove or move the labels below it first").clicked() {
         out.push(Command::RemoveLabel(label.id));
     }
@@ -89,7 +93,8 @@ fn move_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, label: &Label) 
         out.push(Command::EditLabel(Label { parent: None, ..label.clone() }));
     }
     for (other, _) in listed(tree) {
-        let allowed = other.id != label.id && Some(other.id) != label.parent && !tree.path(other.id).contains(&label.id);
+        let allowed =
+            other.id != label.id && Some(other.id) != label.parent && !tree.path(other.id).contains(&label.id);
         if allowed && ui.button(&other.name).clicked() {
             out.push(Command::EditLabel(Label { parent: Some(other.id), ..label.clone() }));
         }

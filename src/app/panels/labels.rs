@@ -1,4 +1,4 @@
-use egui::{Color32, Response, RichText, Sense, Ui, WidgetInfo, WidgetType};
+use egui::{Color32, Response, RichText, Role, Sense, Ui, WidgetInfo};
 
 use super::label_edit::{label_menu_ui, new_label_ui, rename_ui};
 use crate::app::tips::{icon_button, section_heading};
@@ -14,7 +14,10 @@ pub(in crate::app) fn labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewSta
     });
     let rows = listed(&look.project.labels);
     if rows.is_empty() {
-        ui.label(RichText::new("No labels yet. Add one for each object, or simply click on an object in the picture.").weak());
+        ui.label(
+            RichText::new("No labels yet. Add one for each object, or simply click on an object in the picture.")
+                .weak(),
+        );
     }
     for (number, (label, depth)) in rows.iter().enumerate() {
         label_row_ui(ui, look, view, out, label, number, *depth);
@@ -55,7 +58,8 @@ fn show_all_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     let all_hidden = !view.hidden.is_empty();
     let (text, tip) = if all_hidden { ("Show all", "Shows all labels") } else { ("Hide all", "Hides all labels") };
     if ui.add(egui::Button::new(RichText::new(text).small()).frame(false)).on_hover_text(tip).clicked() {
-        view.hidden = if all_hidden { Default::default() } else { look.project.labels.iter().map(|label| label.id).collect() };
+        view.hidden =
+            if all_hidden { Default::default() } else { look.project.labels.iter().map(|label| label.id).collect() };
     }
 }
 
@@ -113,7 +117,7 @@ fn name_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Com
 /// A row of the whole width left, with a weak key before the name.
 fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> Response {
     let (rect, response) = ui.allocate_exact_size(egui::vec2(ui.available_width(), 20.0), Sense::click());
-    response.widget_info(|| WidgetInfo::selected(WidgetType::SelectableLabel, true, selected, name));
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, name));
     let visuals = ui.style().interact_selectable(&response, selected);
     if selected || response.hovered() || response.has_focus() {
         ui.painter().rect_filled(rect, 3.0, visuals.weak_bg_fill);

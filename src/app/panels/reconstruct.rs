@@ -34,7 +34,8 @@ pub(in crate::app) fn reconstruct_ui(ui: &mut Ui, look: &Look<'_>, view: &mut Vi
             frames.iter().filter(|frame| frame.posed_camera().is_some()).count(),
             frames.iter().filter(|frame| frame.depth.is_some()).count(),
         );
-        ui.weak(format!("{cameras} cameras, {depths} depths")).on_hover_text("Of all frames, how many have a camera and a depth map");
+        ui.weak(format!("{cameras} cameras, {depths} depths"))
+            .on_hover_text("Of all frames, how many have a camera and a depth map");
     });
 }
 

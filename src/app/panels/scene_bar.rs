@@ -23,7 +23,8 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
         ui.add(slider).on_hover_text("Size of the points").accessible_name("Point size");
         let has_cameras = look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
         if has_cameras {
-            ui.checkbox(&mut view.prefs.frusta, "Cameras").on_hover_text("Shows the cameras; click one to go to its frame");
+            ui.checkbox(&mut view.prefs.frusta, "Cameras")
+                .on_hover_text("Shows the cameras; click one to go to its frame");
         }
         ui.separator();
         let shortcuts = &view.prefs.shortcuts;
@@ -55,7 +56,9 @@ pub(super) fn confidence_legend(ui: &Ui, rect: Rect) {
     ui.painter().add(mesh);
     let font = egui::FontId::proportional(11.0);
     let color = ui.visuals().text_color();
-    for (x, align, text) in [(bar.left(), egui::Align2::LEFT_TOP, "0 %"), (bar.right(), egui::Align2::RIGHT_TOP, "100 %")] {
+    for (x, align, text) in
+        [(bar.left(), egui::Align2::LEFT_TOP, "0 %"), (bar.right(), egui::Align2::RIGHT_TOP, "100 %")]
+    {
         ui.painter().text(egui::pos2(x, bar.bottom() + 3.0), align, text, font.clone(), color);
     }
 }

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use egui::{PointerButton, Rect, Response, Sense, Ui, WidgetInfo, WidgetType};
+use egui::{PointerButton, Rect, Response, Role, Sense, Ui, WidgetInfo};
 use glam::{Vec2, Vec3};
 
 use super::scene_bar::scene_bar_ui;
@@ -9,7 +9,9 @@ use crate::app::view_state::SceneWish;
 use crate::app::{Action, Look, ViewState};
 use crate::frames::Frame;
 use crate::scene::LabelledCloud;
-use crate::view::{Bounds, Coloring, Orbit, Scene3d, ViewCamera, default_view, frustum_lines, pick_frustum, pick_point};
+use crate::view::{
+    Bounds, Coloring, Orbit, Scene3d, ViewCamera, default_view, frustum_lines, pick_frustum, pick_point,
+};
 
 /// The 3-D view: where it is seen from, and the texture it is drawn into.
 pub struct ScenePane {
@@ -45,12 +47,16 @@ impl ScenePane {
             scene_bar_ui(ui, look, view, wishes);
         });
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
-        response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, ui.is_enabled(), "3-D view"));
+        response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), "3-D view"));
         ui.painter().rect_filled(rect, 0.0, ui.visuals().extreme_bg_color);
         let size = rect.size() * ui.pixels_per_point();
         self.frame_new_content(look, view, size.x / size.y.max(1.0));
         let Some(orbit) = self.orbit else {
-            return message(ui, rect, "Nothing to show yet. Frames with cameras appear here, and the cloud once it is fused.");
+            return message(
+                ui,
+                rect,
+                "Nothing to show yet. Frames with cameras appear here, and the cloud once it is fused.",
+            );
         };
         let camera = orbit.camera(size.x.max(1.0) as u32, size.y.max(1.0) as u32);
         self.input(ui, &response, look, view, &camera);
@@ -105,7 +111,8 @@ impl ScenePane {
             orbit.pan(delta, camera.height as f32);
         }
         if response.double_clicked() {
-            let at = response.interact_pointer_pos().and_then(|at| point_at(look, view, camera, in_view(at), 12.0 * scale));
+            let at =
+                response.interact_pointer_pos().and_then(|at| point_at(look, view, camera, in_view(at), 12.0 * scale));
             if let Some(at) = at {
                 orbit.recentre(at);
             }
@@ -137,7 +144,8 @@ impl ScenePane {
         }
         let anchor = match self.zoom_anchor {
             Some((place, anchor)) if place == at => anchor,
-            _ => point_at(look, view, camera, in_view(at), 30.0).unwrap_or_else(|| camera.unproject(in_view(at), orbit.distance)),
+            _ => point_at(look, view, camera, in_view(at), 30.0)
+                .unwrap_or_else(|| camera.unproject(in_view(at), orbit.distance)),
         };
         self.zoom_anchor = Some((at, anchor));
         orbit.zoom(factor, anchor);
@@ -145,7 +153,11 @@ impl ScenePane {
 
     fn draw(&mut self, ui: &Ui, rect: Rect, look: &Look<'_>, view: &ViewState) {
         let (Some(orbit), Some(canvas)) = (self.orbit, &mut self.canvas) else {
-            return message(ui, rect, "The 3-D view needs a graphics adapter; 'ostra shot' draws pictures without one.");
+            return message(
+                ui,
+                rect,
+                "The 3-D view needs a graphics adapter; 'ostra shot' draws pictures without one.",
+            );
         };
         let scale = ui.pixels_per_point();
         let size = (rect.size() * scale).round().max(egui::Vec2::splat(1.0));
@@ -210,6 +222,7 @@ fn thinned(cloud: &LabelledCloud) -> LabelledCloud {
 
 fn message(ui: &Ui, rect: Rect, text: &str) {
     let color = ui.visuals().weak_text_color();
-    let galley = ui.painter().layout(text.into(), egui::FontId::proportional(14.0), color, (rect.width() - 60.0).max(60.0));
+    let galley =
+        ui.painter().layout(text.into(), egui::FontId::proportional(14.0), color, (rect.width() - 60.0).max(60.0));
     ui.painter().galley(rect.center() - galley.size() / 2.0, galley, color);
 }

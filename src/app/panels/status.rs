@@ -45,5 +45,5 @@ fn pointer_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) {
 }
 
 fn percent(done: usize, total: usize) -> String {
-    if total == 0 { "…".into() } else { format!("{} %", done * 100 / total) }
+    (done * 100).checked_div(total).map_or_else(|| "…".into(), |share| format!("{share} %"))
 }

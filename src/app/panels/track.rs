@@ -30,7 +30,8 @@ pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
             1 => "1 anchor".into(),
             n => format!("{n} anchors"),
         };
-        ui.weak(text).on_hover_text("Anchors are frames you clicked, painted or accepted; trackers never overwrite them");
+        ui.weak(text)
+            .on_hover_text("Anchors are frames you clicked, painted or accepted; trackers never overwrite them");
     });
 }
 

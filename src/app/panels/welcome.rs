@@ -11,7 +11,13 @@ const STEPS: [(&str, &str); 4] = [
 ];
 
 /// What to do first, and the projects opened before.
-pub(in crate::app) fn welcome_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
+pub(in crate::app) fn welcome_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &ViewState,
+    out: &mut Vec<Command>,
+    wishes: &mut Vec<Action>,
+) {
     let height = 330.0 + 24.0 * look.recent.len().min(8) as f32;
     ui.vertical_centered(|ui| {
         ui.add_space(((ui.available_height() - height) * 0.4).max(24.0));
@@ -61,7 +67,8 @@ fn recent_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>) {
     }
     ui.strong("Recent projects");
     for path in look.recent.iter().take(8) {
-        let name = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
+        let name =
+            path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
         ui.horizontal(|ui| {
             if ui.link(name).on_hover_text(path.display().to_string()).clicked() {
                 out.push(Command::Open(path.clone()));

@@ -35,7 +35,8 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
         for _ in 0..threads.max(1) {
             let (wishes, work, sender) = (Arc::clone(&wishes), Arc::clone(&work), sender.clone());
             // Without a thread nothing is loaded; the window then shows empty pictures but goes on.
-            let _ = std::thread::Builder::new().name(name.into()).spawn(move || serve(&wishes, &work.0, &work.1, &sender));
+            let _ =
+                std::thread::Builder::new().name(name.into()).spawn(move || serve(&wishes, &work.0, &work.1, &sender));
         }
         Self { wishes, done: Mutex::new(done) }
     }
