@@ -2,6 +2,7 @@
 //!
 //! May use: geometry, engine::job. Must not touch: labels, GPU.
 
+mod background;
 mod cache;
 mod decode;
 mod error;
@@ -9,12 +10,16 @@ mod film;
 mod frame;
 mod header;
 mod image;
+mod loader;
 mod open;
+mod relocate;
 mod store;
+mod thumbnail;
 mod turn;
 
 pub use error::FrameError;
 pub use frame::{DepthSource, Frame, FrameCamera, Orientation, PictureSource};
 pub use image::{DepthMap, Image};
-pub use open::{FrameFolder, OpenRequest, Opened, natural_order, open};
+pub use open::{FrameFolder, OpenRequest, Opened, natural_order, open, open_more};
+pub use relocate::{missing_sources, relocate};
 pub use store::FrameStore;
