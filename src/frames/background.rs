@@ -35,6 +35,12 @@ impl Background {
     }
 }
 
+impl Drop for Background {
+    fn drop(&mut self) {
+        self.current.lock().unwrap_or_else(PoisonError::into_inner).stop();
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::sync::mpsc::channel;

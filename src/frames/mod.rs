@@ -4,6 +4,7 @@
 
 mod background;
 mod cache;
+mod complete;
 mod decode;
 mod error;
 mod film;
