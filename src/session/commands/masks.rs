@@ -6,7 +6,7 @@ use anyhow::{Result, ensure};
 
 use super::paint::anchor_of;
 use crate::engine::job::Progress;
-use crate::masks::formats::{Imported, MaskFormat, MaskFrame, export_masks, file_stems, import_masks};
+use crate::masks::{Imported, MaskFormat, MaskFrame, export_masks, file_stems, import_masks};
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{Edit, JobId, Project, Session};
 

@@ -31,7 +31,7 @@ impl Checkpoint {
     /// When a file cannot be written, or on a stop; the journal still holds everything.
     pub fn write(mut self, progress: &Progress) -> Result<Written> {
         let (root, project) = (&self.root, self.project.as_ref());
-        let masks = mask_files::runs(project);
+        let masks = mask_files::runs(project)?;
         mask_files::write(root, project, &self.before.masks, progress)?;
         mask_files::write_origins(root, project)?;
         let length = self.before.history_length;
