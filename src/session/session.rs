@@ -189,7 +189,7 @@ impl Session {
     /// Tells of a change; the files of results follow it.
     pub(super) fn tell_changed(&mut self) {
         self.events.push(Event::Changed);
-        let published = self.open.as_ref().map_or(Ok(()), OpenProject::publish);
+        let published = self.open.as_mut().map_or(Ok(()), OpenProject::publish);
         if let Err(error) = published {
             self.events.push(Event::Warning(format!("{error:#}")));
         }

@@ -4,8 +4,8 @@
 
 mod depths;
 mod export;
-mod fuse;
 mod folders;
+mod fuse;
 mod labels;
 mod masks;
 mod open;

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::durable;
 use crate::engine::job::Progress;
 use crate::frames::Frame;
-use crate::masks::{MaskFrame, encode_palette_png, file_stems, read_palette_png};
 use crate::masks::{LabelId, RunMask};
+use crate::masks::{MaskFrame, encode_palette_png, file_stems, read_palette_png};
 use crate::session::{FrameMask, MaskOrigin, Project};
 
 /// What `masks/origins.json` says of one frame's mask, by the frame's name.

@@ -82,7 +82,8 @@ fn what_is_broken_is_refused_and_left_alone() {
     drop(made);
     let good = snapshot(&root);
     let newer = |text: String| text.replace("format = 1\n", "format = 2\n");
-    let cases: [(&str, &dyn Fn(String) -> String, &str); 5] = [
+    type Case<'a> = (&'a str, &'a dyn Fn(String) -> String, &'a str);
+    let cases: [Case<'_>; 5] = [
         ("project.toml", &newer, "newer program (format 2, this one reads 1)"),
         ("project.toml", &|text| text[..text.len() / 2].to_owned(), "is damaged"),
         ("project.toml", &|text| text.replace("step = 4", "step = 2"), "restore both from one backup"),

@@ -15,7 +15,8 @@ fn tracked_project(engine: &str) -> Project {
     for (frame, mask) in masks.into_iter().enumerate() {
         project.apply(Edit::SetMask { frame, mask: Some(mask) }).unwrap();
     }
-    for (kind, engine) in [(ResultKind::Tracking, engine), (ResultKind::Cloud, "fuse"), (ResultKind::Cameras, "given")] {
+    for (kind, engine) in [(ResultKind::Tracking, engine), (ResultKind::Cloud, "fuse"), (ResultKind::Cameras, "given")]
+    {
         project.apply(Edit::SetResult { kind, record: Some(record(engine)) }).unwrap();
     }
     project
