@@ -19,7 +19,7 @@ pub(in crate::app) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) 
                 ui.weak(format!("{} points", grouped(cloud.len())));
             }
             if let Some(job) = look.jobs.last() {
-                ui.weak(format!("{} {}", job.title, percent(job.done, job.total)));
+                ui.weak(format!("{} {}", job.title, percent(job.report.done, job.report.total)));
                 ui.spinner();
             }
         });

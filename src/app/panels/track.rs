@@ -1,11 +1,10 @@
 use egui::{DragValue, Ui};
 
 use super::segmenter::engine_choice_ui;
-use crate::app::look::EngineKind;
 use crate::app::tips::{action_button, field};
 use crate::app::{Action, Look, ViewState};
 use crate::masks::Direction;
-use crate::session::MaskOrigin;
+use crate::session::{EngineKind, MaskOrigin};
 
 /// Settings and button for carrying masks through the sequence.
 pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
