@@ -4,10 +4,12 @@
 
 mod act;
 mod apply;
+mod cloud;
 mod command;
 mod commands;
 mod edit;
 mod engines;
+pub mod evaluate;
 mod event;
 mod history;
 mod jobs;
