@@ -21,6 +21,8 @@ pub(in crate::app) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) 
             if let Some(job) = look.jobs.last() {
                 ui.weak(format!("{} {}", job.title, percent(job.report.done, job.report.total)));
                 ui.spinner();
+            } else if !view.note.is_empty() {
+                ui.add(egui::Label::new(RichText::new(&view.note)).truncate());
             }
         });
     });
