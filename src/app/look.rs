@@ -36,6 +36,17 @@ impl Look<'_> {
         !self.project.frames.is_empty()
     }
 
+    /// The job of this title, where one runs.
+    #[must_use]
+    pub fn running(&self, title: &str) -> Option<&JobView> {
+        self.jobs.iter().find(|job| job.title == title)
+    }
+
+    /// The jobs that run long enough to be worth showing.
+    pub fn slow_jobs(&self) -> impl Iterator<Item = &JobView> {
+        self.jobs.iter().filter(|job| job.elapsed.as_millis() > 400)
+    }
+
     /// The engines of one kind.
     pub fn engines_of(&self, kind: EngineKind) -> impl Iterator<Item = &Engine> {
         self.engines.iter().filter(move |engine| engine.kind == kind)

@@ -189,7 +189,7 @@ impl Window {
 
     /// Files dropped on the window open as if they were given at the start.
     fn open_dropped(&mut self, ctx: &Context) {
-        let dropped = ctx.input(|input| input.raw.dropped_files.iter().find_map(|file| file.path().map(Path::to_owned)));
+        let dropped = ctx.input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
         self.begin_with(dropped);
     }
 
