@@ -1,10 +1,9 @@
-use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 
 use super::args::{ShotArgs, ShotColor};
 use super::drive::Driver;
-use crate::scene::LabelledCloud;
 use crate::view::{Coloring, ShotOptions, shot as draw, write_png};
 
 pub(super) fn shot(args: &ShotArgs) -> Result<()> {
@@ -14,7 +13,7 @@ pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     let mut driver = Driver::open(&args.project)?;
     let cloud = driver.cloud()?;
     let cloud = match args.level {
-        Some(level) => at_level(&cloud, level),
+        Some(level) => Arc::new(cloud.at_level(level)),
         None => cloud,
     };
     let coloring = match args.color {
@@ -24,5 +23,5 @@ pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     };
     let options = ShotOptions { coloring, ..ShotOptions::default() };
     let picture = draw(&cloud, &driver.project()?.frames, &options)?;
-    write_png(Path::new(&args.out), &picture).with_context(|| format!("{}: no picture was written", args.out.display()))
+    write_png(&args.out, &picture).with_context(|| format!("{}: no picture was written", args.out.display()))
 }

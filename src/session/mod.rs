@@ -7,6 +7,7 @@ mod apply;
 mod cloud;
 mod command;
 mod commands;
+pub mod demo;
 mod edit;
 mod engines;
 pub mod evaluate;
