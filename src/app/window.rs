@@ -148,7 +148,7 @@ impl Window {
             Event::Notice(text) => self.shell.view.note = text,
             Event::Finished { title, .. } => self.shell.view.note = format!("{title}: done"),
             Event::Stopped { title, .. } => {
-                self.shell.view.note = format!("{title}: stopped; what was finished is kept")
+                self.shell.view.note = format!("{title}: stopped; what was finished is kept");
             }
             Event::Started { .. } | Event::Changed | Event::CloudChanged => {}
         }
@@ -182,7 +182,7 @@ impl Window {
         match written {
             Ok(()) => self.shell.view.note = format!("Recipe written to {}", path.display()),
             Err(error) => {
-                self.fail(format!("{}: the recipe cannot be written ({error}); choose another place", path.display()))
+                self.fail(format!("{}: the recipe cannot be written ({error}); choose another place", path.display()));
             }
         }
     }

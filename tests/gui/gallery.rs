@@ -89,7 +89,7 @@ fn shelf() -> Desk {
     let sources = vec![FrameFolder { frames: dir.join("color"), depth }];
     let request = OpenRequest { sources, depth_unit: 0.001, every: 1, from: None, to: None };
     let mut frames = ostra::frames::open(&request, &progress).unwrap().frames;
-    GivenCameras::read(&dir.join("sparse")).unwrap().attach(&mut frames).unwrap();
+    GivenCameras::read(&dir.join("sparse")).unwrap().match_to(&mut frames).unwrap();
     let cloud = read_ply(&dir.join("reference_labelled_cloud.ply"), &progress).unwrap().cloud;
     desk.project = Project { frames: Arc::new(frames), labels: shelf_labels(), ..Project::default() };
     for number in 0..desk.project.frames.len() {
