@@ -3,9 +3,11 @@
 //! May use: masks, frames, geometry, engine::job; only GPU twins use engine::gpu, only `sfm/onnx` engine::nn.
 //! Must not touch: Project, UI.
 
+mod carry;
 mod cloud;
 mod error;
 pub mod ply;
 
+pub use carry::{CarryOptions, GeometryTracker};
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;
