@@ -6,9 +6,9 @@
 mod cloud;
 mod error;
 pub mod fuse;
+pub mod measure;
 pub mod ply;
 pub mod points;
-pub mod measure;
 pub mod synthetic;
 
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};

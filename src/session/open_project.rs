@@ -21,12 +21,7 @@ impl OpenProject {
     /// A project that was found in its folder.
     #[must_use]
     pub fn loaded(loaded: Loaded) -> Self {
-        Self {
-            project: Arc::new(loaded.project),
-            history: loaded.history,
-            folder: loaded.folder,
-            growing: None,
-        }
+        Self { project: Arc::new(loaded.project), history: loaded.history, folder: loaded.folder, growing: None }
     }
 
     /// Makes a folder for a new project.

@@ -11,4 +11,6 @@ mod cameras;
 #[cfg(test)]
 mod frames;
 #[cfg(test)]
+mod masks;
+#[cfg(test)]
 mod shared;

@@ -97,7 +97,8 @@ impl Journal {
         let written = self.file.write_all(&line).and_then(|()| self.file.sync_data());
         if let Err(error) = written {
             self.take_back();
-            return Err(error).with_context(|| format!("{}: the step cannot be saved and was not made", self.path.display()));
+            return Err(error)
+                .with_context(|| format!("{}: the step cannot be saved and was not made", self.path.display()));
         }
         self.length += line.len() as u64;
         self.ends.push((record.seq, self.length));

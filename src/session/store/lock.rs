@@ -16,12 +16,9 @@ impl Lock {
     /// When another holds it, or the folder cannot be written.
     pub fn take(root: &Path) -> Result<Self> {
         let path = root.join(".lock");
-        let file = OpenOptions::new()
-            .create(true)
-            .truncate(false)
-            .write(true)
-            .open(&path)
-            .with_context(|| format!("{}: cannot be written; a project needs a folder with write access", root.display()))?;
+        let file = OpenOptions::new().create(true).truncate(false).write(true).open(&path).with_context(|| {
+            format!("{}: cannot be written; a project needs a folder with write access", root.display())
+        })?;
         match file.try_lock() {
             Ok(()) => Ok(Self { _file: file }),
             Err(TryLockError::WouldBlock) => {
