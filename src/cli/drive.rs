@@ -1,12 +1,13 @@
 use std::io::{IsTerminal, Write};
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 
+use crate::scene::LabelledCloud;
 use crate::session::{Command, Event, JobView, Project, Session};
 
 /// Ctrl+C was pressed; what was finished is kept.
@@ -47,14 +48,17 @@ impl Driver {
         self.session.save()
     }
 
-    /// The session, for what needs more than commands.
-    pub(super) fn session(&mut self) -> &mut Session {
-        &mut self.session
-    }
-
     /// The open project.
     pub(super) fn project(&self) -> Result<&Project> {
         self.session.project().map(AsRef::as_ref).context("no project is open")
+    }
+
+    /// The open project's labelled cloud.
+    pub(super) fn cloud(&mut self) -> Result<Arc<LabelledCloud>> {
+        if self.session.cloud().is_none() {
+            self.settle()?;
+        }
+        self.session.cloud().cloned().context("the project has no cloud yet; make one with 'ostra fuse'")
     }
 
     fn settle(&mut self) -> Result<()> {
@@ -66,7 +70,7 @@ impl Driver {
 }
 
 /// Tells warnings and notices; the first failure or stop becomes the error.
-pub(super) fn report(events: Vec<Event>) -> Result<()> {
+fn report(events: Vec<Event>) -> Result<()> {
     let mut outcome = Ok(());
     for event in events {
         match event {

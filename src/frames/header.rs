@@ -10,7 +10,7 @@ use super::{FrameError, Orientation};
 pub(super) const FORMATS: &str = "JPEG, PNG, TIFF or WebP";
 
 /// Pictures with more pixels are refused: a damaged header, or more than one machine can work on.
-const MAX_PIXELS: u64 = 1 << 28;
+pub(super) const MAX_PIXELS: u64 = 1 << 28;
 
 /// What a picture file's header says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,6 +62,15 @@ pub(super) fn format_of(reader: &mut BufReader<File>, path: &Path) -> Result<Ima
             let what = format!("this is no {FORMATS} picture; remove it or replace it");
             Err(FrameError::Invalid { path: path.into(), what })
         }
+    }
+}
+
+/// Whether a file's first bytes are those of a picture.
+pub(super) fn is_picture(path: &Path) -> Result<bool, FrameError> {
+    match format_of(&mut open(path)?, path) {
+        Ok(_) => Ok(true),
+        Err(FrameError::Invalid { .. }) => Ok(false),
+        Err(error) => Err(error),
     }
 }
 

@@ -6,6 +6,7 @@ mod cache;
 pub mod cameras;
 mod decode;
 mod error;
+mod film;
 mod frame;
 mod header;
 mod image;

@@ -3,12 +3,14 @@ use std::sync::Arc;
 
 use super::cache::{Cache, Weigh};
 use super::decode::{decode_depth, decode_picture};
+use super::film::Films;
 use super::{DepthMap, DepthSource, Frame, FrameError, Image, PictureSource};
 
 /// Loads pictures and depths on demand and keeps the latest in a cache bounded in bytes. Shared by all threads.
 #[derive(Debug)]
 pub struct FrameStore {
     pixels: Cache<Key, Pixels>,
+    films: Films,
 }
 
 /// What pixels are made from.
@@ -38,7 +40,7 @@ impl FrameStore {
     /// A store that keeps at most `budget_bytes` of decoded pixels.
     #[must_use]
     pub fn new(budget_bytes: usize) -> Self {
-        Self { pixels: Cache::new(budget_bytes) }
+        Self { pixels: Cache::new(budget_bytes), films: Films::default() }
     }
 
     /// Bytes of decoded pixels kept now; never above the budget.
@@ -52,9 +54,9 @@ impl FrameStore {
     /// # Errors
     /// [`FrameError`] when the source is missing, damaged or of another size than when it was opened.
     pub fn image(&self, frame: &Frame) -> Result<Arc<Image>, FrameError> {
-        let load = || load_picture(&frame.picture).map(Pixels::Image);
+        let load = || self.load_picture(frame).map(Pixels::Image);
         let Pixels::Image(image) = self.pixels.get(&picture_key(&frame.picture), load)? else {
-            return load_picture(&frame.picture);
+            return self.load_picture(frame);
         };
         check_size(frame, frame.picture.path(), (image.width, image.height))?;
         Ok(image)
@@ -82,6 +84,20 @@ impl FrameStore {
         check_size(frame, &source.path, (depth.width, depth.height))?;
         Ok(Some(depth))
     }
+
+    fn load_picture(&self, frame: &Frame) -> Result<Arc<Image>, FrameError> {
+        let image = match &frame.picture {
+            PictureSource::File { path, orientation } => decode_picture(path, *orientation),
+            PictureSource::Film { path, index, time_s } => {
+                if !path.exists() {
+                    return Err(FrameError::Missing { path: path.clone() });
+                }
+                let bytes = frame.width as usize * frame.height as usize * size_of::<[u8; 3]>();
+                self.films.read(path, *index, *time_s, bytes)
+            }
+        };
+        image.map(Arc::new)
+    }
 }
 
 fn picture_key(source: &PictureSource) -> Key {
@@ -93,15 +109,6 @@ fn picture_key(source: &PictureSource) -> Key {
 
 fn depth_key(source: &DepthSource) -> Key {
     Key::Depth { path: source.path.clone(), orientation: source.orientation.0, unit_bits: source.unit.to_bits() }
-}
-
-fn load_picture(source: &PictureSource) -> Result<Arc<Image>, FrameError> {
-    match source {
-        PictureSource::File { path, orientation } => decode_picture(path, *orientation).map(Arc::new),
-        PictureSource::Film { path, .. } => {
-            Err(FrameError::Invalid { path: path.clone(), what: "films cannot be read yet".into() })
-        }
-    }
 }
 
 fn load_depth(source: &DepthSource) -> Result<Arc<DepthMap>, FrameError> {

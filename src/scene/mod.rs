@@ -10,6 +10,7 @@ pub mod measure;
 pub mod ply;
 pub mod points;
 pub mod synthetic;
+pub mod score;
 
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;

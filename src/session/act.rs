@@ -31,6 +31,9 @@ impl Session {
             Command::Paint(request) => self.paint(request).map(|()| None),
             Command::MakeAnchor { frame } => self.make_anchor(*frame).map(|()| None),
             Command::ClearMask { frame } => self.clear_mask(*frame).map(|()| None),
+            Command::Track(settings) => self.track(settings).map(Some),
+            Command::Reconstruct(request) => self.reconstruct(request).map(Some),
+            Command::Fuse(request) => self.fuse(request).map(Some),
             Command::Undo => self.undo().map(|()| None),
             Command::Redo => self.redo().map(|()| None),
             Command::Stop => Ok({

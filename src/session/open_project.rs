@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 
-use super::store::{Act, Checkpoint, Folder, HISTORY_BYTES, Loaded, Written};
+use super::store::{self, Act, Checkpoint, Folder, HISTORY_BYTES, Loaded, Written};
 use super::{Change, Edit, History, JobId, Project, Step};
 use crate::engine::job::Progress;
 
@@ -117,6 +117,22 @@ impl OpenProject {
         self.project = Arc::new(moved);
         self.growing = None;
         self.save(act, back)
+    }
+
+    /// A number for the files of a result in the making; its folder is there.
+    ///
+    /// # Errors
+    /// When the folder cannot be made.
+    pub fn next_version(&self) -> Result<u64> {
+        store::next_version(self.root(), &self.project, &self.history)
+    }
+
+    /// Puts the files of the results in force under their plain names.
+    ///
+    /// # Errors
+    /// When a file cannot be put in place.
+    pub fn publish(&self) -> Result<()> {
+        store::publish(self.root(), store::version_in_force(&self.project))
     }
 
     /// Puts on the disk and into the history what the project already has; `back` takes it back if that fails.

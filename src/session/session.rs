@@ -3,11 +3,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 
+use super::cloud::CloudSlot;
+use super::commands::TrackRun;
 use super::jobs::{Job, Jobs, Kind, Landing};
 use super::prepared::PreparedFrames;
 use super::{Command, Edit, Event, JobId, JobView, OpenProject, Project, Recipe};
+use crate::engine::job::Stopped;
 use crate::frames::FrameStore;
 
 /// Bytes of decoded pictures and depths kept.
@@ -28,6 +31,8 @@ pub struct Session {
     pub(super) jobs: Jobs,
     pub(super) events: Vec<Event>,
     pub(super) recipe: Recipe,
+    pub(super) cloud: CloudSlot,
+    pub(super) track: Option<TrackRun>,
     pub(super) prepared: Arc<PreparedFrames>,
     /// Name of the frame that was last asked to be made ready.
     pub(super) preparing: Option<String>,
@@ -55,6 +60,8 @@ impl Session {
             jobs: Jobs::default(),
             events: Vec::new(),
             recipe: Recipe { format: 1, commands: Vec::new() },
+            cloud: CloudSlot::default(),
+            track: None,
             prepared: Arc::new(PreparedFrames::new(PREPARED_BYTES)),
             preparing: None,
             told_segmenter: None,
@@ -130,6 +137,7 @@ impl Session {
         while let Some((job, result)) = self.jobs.take_ended() {
             self.take_result(job, result);
         }
+        self.load_wanted_cloud();
         self.checkpoint_if_due();
         std::mem::take(&mut self.events)
     }
@@ -173,9 +181,24 @@ impl Session {
     /// Makes a step and tells of it.
     pub(super) fn commit(&mut self, title: &str, edits: Vec<Edit>) -> Result<()> {
         if self.opened()?.commit(title, edits)? {
-            self.events.push(Event::Changed);
+            self.tell_changed();
         }
         Ok(())
+    }
+
+    /// Tells of a change; the files of results follow it.
+    pub(super) fn tell_changed(&mut self) {
+        self.events.push(Event::Changed);
+        let published = self.open.as_ref().map_or(Ok(()), OpenProject::publish);
+        if let Err(error) = published {
+            self.events.push(Event::Warning(format!("{error:#}")));
+        }
+    }
+
+    /// Long jobs run one at a time.
+    pub(super) fn check_no_long_job(&self) -> Result<()> {
+        let running = self.jobs.iter().find(|job| job.kind == Kind::Long && job.is_shown());
+        running.map_or(Ok(()), |job| bail!("'{}' is still running; wait for it or stop it", job.title))
     }
 
     pub(super) fn warn_all(&mut self, warnings: Vec<String>) {
@@ -235,14 +258,18 @@ impl Session {
 
     fn take_result(&mut self, mut job: Job, result: Result<Landing>) {
         let stopped = job.is_stopped();
+        if !job.discarded
+            && let Err(error) = self.end_track(job.id)
+        {
+            job.failure.get_or_insert(error);
+        }
         let result = match job.failure.take() {
             Some(error) => Err(error),
-            None if job.discarded => Ok(()),
+            None if job.discarded => Err(Stopped.into()),
             None => result.and_then(|landing| landing(self)),
         };
         let (id, title) = (job.id, job.title);
         let event = match result {
-            Ok(()) if stopped => Event::Stopped { job: id, title },
             Ok(()) => {
                 self.record(job.command);
                 Event::Finished { job: id, title }

@@ -9,6 +9,8 @@ mod architecture;
 #[cfg(test)]
 mod cameras;
 #[cfg(test)]
+mod films;
+#[cfg(test)]
 mod frames;
 #[cfg(test)]
 mod masks;

@@ -1,15 +1,15 @@
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
 use super::naming::prefixes;
 use super::request::{OpenRequest, Opened};
-use super::source::{Item, Source, list_source};
+use super::source::{Item, Kind, Listing, Origin, Source, stem};
 use crate::engine::job::Progress;
 use crate::frames::decode::not_depth;
 use crate::frames::header::{Header, read_header};
-use crate::frames::{DepthSource, Frame, FrameError, PictureSource};
+use crate::frames::{DepthSource, Frame, FrameError, Orientation, PictureSource};
 
 /// How many frames a warning names.
 const NAMED: usize = 3;
@@ -22,16 +22,17 @@ const NAMED: usize = 3;
 pub fn open(request: &OpenRequest, progress: &Progress) -> Result<Opened, FrameError> {
     check(request)?;
     progress.stage("open")?;
-    let mut warnings = Vec::new();
-    let sources = request.sources.iter().map(|source| list_source(source, &mut warnings));
-    let items = thinned(named_items(sources.collect::<Result<_, _>>()?)?, request)?;
+    let mut listing = Listing { depth_unit: request.depth_unit, progress, warnings: Vec::new() };
+    let sources = request.sources.iter().map(|source| listing.list(source)).collect::<Result<_, _>>()?;
+    let items = thinned(named_items(sources)?, request)?;
     let done = AtomicUsize::new(0);
     let read = items.par_iter().map(|item| {
         progress.step(done.fetch_add(1, Ordering::Relaxed), items.len())?;
         frame_of(item, request.depth_unit)
     });
-    let read: Vec<Result<(Frame, Header), FrameError>> = read.collect();
-    let read: Vec<(Frame, Header)> = read.into_iter().collect::<Result<_, _>>()?;
+    let read: Vec<Result<(Frame, bool), FrameError>> = read.collect();
+    let read: Vec<(Frame, bool)> = read.into_iter().collect::<Result<_, _>>()?;
+    let mut warnings = listing.warnings;
     warnings.extend(warn_of_missing_depth(&read));
     warnings.extend(warn_of_depth_as_pictures(&read));
     Ok(Opened { frames: read.into_iter().map(|(frame, _)| frame).collect(), warnings })
@@ -55,9 +56,11 @@ fn check(request: &OpenRequest) -> Result<(), FrameError> {
 
 /// The items of all sources, with their names in the project.
 fn named_items(sources: Vec<Source>) -> Result<Vec<Item>, FrameError> {
-    let alone = matches!(sources.as_slice(), [Source { is_folder: true, .. }]);
-    let places: Vec<&Path> = sources.iter().map(|source| source.place.as_path()).collect();
-    let prefixes = prefixes(&places, usize::from(!alone))?;
+    let alone = matches!(sources.as_slice(), [Source { kind: Kind::Folder, .. }]);
+    let stems: Vec<PathBuf> = sources.iter().map(stem).collect();
+    let (stems, places): (Vec<&Path>, Vec<&Path>) =
+        stems.iter().zip(&sources).map(|(stem, source)| (stem.as_path(), source.place.as_path())).unzip();
+    let prefixes = prefixes(&stems, usize::from(!alone)).or_else(|_| prefixes(&places, 1))?;
     let mut items = Vec::new();
     for (source, prefix) in sources.into_iter().zip(prefixes) {
         items.extend(source.items.into_iter().map(|item| {
@@ -83,17 +86,26 @@ fn thinned(items: Vec<Item>, request: &OpenRequest) -> Result<Vec<Item>, FrameEr
     Ok(kept)
 }
 
-fn frame_of(item: &Item, depth_unit: f64) -> Result<(Frame, Header), FrameError> {
-    let header = read_header(&item.picture)?;
+/// A frame and whether its picture is one channel of 16 bits.
+fn frame_of(item: &Item, depth_unit: f64) -> Result<(Frame, bool), FrameError> {
+    let (picture, header) = match &item.origin {
+        Origin::File(path) => {
+            let header = read_header(path)?;
+            (PictureSource::File { path: path.clone(), orientation: header.orientation }, header)
+        }
+        Origin::Film(source, (width, height)) => {
+            let orientation = Orientation::default();
+            (source.clone(), Header { width: *width, height: *height, orientation, grey16: false })
+        }
+    };
     let orientation = header.orientation;
     let (width, height) = orientation.shown_size(header.width, header.height);
     let depth = item.depth.as_ref().map(|path| {
-        check_depth(path, &item.picture, header)?;
+        check_depth(path, picture.path(), header)?;
         Ok::<_, FrameError>(DepthSource { path: path.clone(), unit: depth_unit, orientation })
     });
-    let picture = PictureSource::File { path: item.picture.clone(), orientation };
-    let frame = Frame { name: item.name.clone(), width, height, picture, depth: depth.transpose()?, camera: None };
-    Ok((frame, header))
+    let depth = depth.transpose()?;
+    Ok((Frame { name: item.name.clone(), width, height, picture, depth, camera: None }, header.grey16))
 }
 
 fn check_depth(path: &Path, picture_path: &Path, picture: Header) -> Result<(), FrameError> {
@@ -116,7 +128,7 @@ fn check_depth(path: &Path, picture_path: &Path, picture: Header) -> Result<(), 
     Err(FrameError::Invalid { path: path.into(), what })
 }
 
-fn warn_of_missing_depth(read: &[(Frame, Header)]) -> Option<String> {
+fn warn_of_missing_depth(read: &[(Frame, bool)]) -> Option<String> {
     let without: Vec<&Frame> = read.iter().map(|(frame, _)| frame).filter(|frame| frame.depth.is_none()).collect();
     if without.is_empty() || without.len() == read.len() {
         return None;
@@ -124,8 +136,8 @@ fn warn_of_missing_depth(read: &[(Frame, Header)]) -> Option<String> {
     Some(format!("{} of {} frames have no depth: {}", without.len(), read.len(), some_names(&without)))
 }
 
-fn warn_of_depth_as_pictures(read: &[(Frame, Header)]) -> Option<String> {
-    let grey: Vec<&Frame> = read.iter().filter(|(_, header)| header.grey16).map(|(frame, _)| frame).collect();
+fn warn_of_depth_as_pictures(read: &[(Frame, bool)]) -> Option<String> {
+    let grey: Vec<&Frame> = read.iter().filter(|(_, grey16)| *grey16).map(|(frame, _)| frame).collect();
     if grey.is_empty() {
         return None;
     }

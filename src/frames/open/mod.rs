@@ -3,6 +3,8 @@
 //! May use: the nouns of frames. Must not touch: pixels beyond headers, cameras.
 
 mod assemble;
+mod depth;
+mod layout;
 mod listing;
 mod naming;
 mod natural;

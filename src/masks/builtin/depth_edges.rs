@@ -17,8 +17,7 @@ const STEP_RANGE: (f32, f32) = (0.008, 0.03);
 /// of its sides.
 pub(super) fn depth_edges(depth: &DepthMap) -> DepthEdges {
     let (width, height) = (depth.width as usize, depth.height as usize);
-    let inverse: Vec<f32> =
-        depth.depths.iter().map(|&depth| if known(depth) { 1.0 / depth } else { 0.0 }).collect();
+    let inverse: Vec<f32> = depth.depths.iter().map(|&depth| if known(depth) { 1.0 / depth } else { 0.0 }).collect();
     let plane = |stride: usize, room: fn(usize, usize, usize, usize) -> bool| {
         let mut out = vec![0.0; inverse.len()];
         out.par_chunks_exact_mut(width).enumerate().for_each(|(y, out)| {
@@ -47,10 +46,11 @@ fn strength_at(inverse: &[f32], at: usize, stride: usize) -> f32 {
     let beyond_slope = |before: Option<f32>, from: f32, to: f32| {
         before.map_or(f32::INFINITY, |before| ((to - from) - (from - before)).abs())
     };
-    let least = step
-        .abs()
-        .min(beyond_slope(value(at.checked_sub(stride)), near, far))
-        .min(beyond_slope(value(Some(at + 2 * stride)), far, near));
+    let least = step.abs().min(beyond_slope(value(at.checked_sub(stride)), near, far)).min(beyond_slope(
+        value(Some(at + 2 * stride)),
+        far,
+        near,
+    ));
     let relative = least / near.max(far);
     ((relative - STEP_RANGE.0) / (STEP_RANGE.1 - STEP_RANGE.0)).clamp(0.0, 1.0)
 }

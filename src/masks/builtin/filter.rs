@@ -89,7 +89,10 @@ mod tests {
                 let columns = x.saturating_sub(radius)..(x + radius + 1).min(width);
                 let rows = y.saturating_sub(radius)..(y + radius + 1).min(height);
                 let count = (columns.len() * rows.len()) as f32;
-                let sum: f32 = rows.flat_map(|y| columns.clone().map(move |x| (x, y))).map(|(x, y)| values[y * width + x][0]).sum();
+                let sum: f32 = rows
+                    .flat_map(|y| columns.clone().map(move |x| (x, y)))
+                    .map(|(x, y)| values[y * width + x][0])
+                    .sum();
                 assert!((fast[at][0] - sum / count).abs() < 1e-2, "radius {radius}, pixel {at}");
             }
         }

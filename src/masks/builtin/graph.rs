@@ -65,7 +65,8 @@ impl RegionGraph {
             .collect();
         let (first, neighbours) = adjacency(&edges, regions.len());
         strengthen(&mut edges, &regions);
-        let mut graph = Self { width, height, of_pixel: partition.of_pixel, regions: Vec::new(), edges, first, neighbours };
+        let mut graph =
+            Self { width, height, of_pixel: partition.of_pixel, regions: Vec::new(), edges, first, neighbours };
         if depth.is_some() {
             let seen: Vec<bool> = regions.iter().map(|region| !region.ln_depth.is_nan()).collect();
             graph.fill_depth(&mut regions);
@@ -83,6 +84,12 @@ impl RegionGraph {
     /// (neighbour, edge) pairs of a region.
     pub fn neighbours(&self, region: usize) -> &[(u32, u32)] {
         &self.neighbours[self.first[region] as usize..self.first[region + 1] as usize]
+    }
+
+    /// Distance between the middles of an edge's regions, pixels.
+    pub fn apart(&self, edge: &Edge) -> f32 {
+        let (a, b) = (&self.regions[edge.a as usize], &self.regions[edge.b as usize]);
+        (a.at[0] - b.at[0]).hypot(a.at[1] - b.at[1])
     }
 
     /// Bytes held.
@@ -142,7 +149,8 @@ fn stats(
         region.texture += (moments[at][1] - moments[at][0] * moments[at][0]).max(0.0).sqrt();
         region.at[0] += x as f32;
         region.at[1] += y as f32;
-        region.rim += f32::from(u8::from(x == 0) + u8::from(x + 1 == width) + u8::from(y == 0) + u8::from(y + 1 == height));
+        region.rim +=
+            f32::from(u8::from(x == 0) + u8::from(x + 1 == width) + u8::from(y == 0) + u8::from(y + 1 == height));
         if let Some(depth) = depth.map(|depth| depth.depths[at]).filter(|&depth| known(depth)) {
             region.ln_depth += depth.ln();
             depth_area[of as usize] += 1.0;

@@ -64,9 +64,7 @@ impl Prepared {
             )));
         }
         let fits = |region: &Region| {
-            region.width as usize == width
-                && region.height as usize == height
-                && region.inside.len() == width * height
+            region.width as usize == width && region.height as usize == height && region.inside.len() == width * height
         };
         if [request.previous, request.taken].into_iter().flatten().all(fits) {
             Ok(())

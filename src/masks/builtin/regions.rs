@@ -136,13 +136,7 @@ fn compact(numbers: &mut [u32]) -> usize {
     count as usize
 }
 
-fn nodes_of(
-    of_pixel: &[u32],
-    count: usize,
-    lab: &[[f32; 3]],
-    depth: Option<&DepthMap>,
-    width: usize,
-) -> Vec<Node> {
+fn nodes_of(of_pixel: &[u32], count: usize, lab: &[[f32; 3]], depth: Option<&DepthMap>, width: usize) -> Vec<Node> {
     let mut nodes = vec![Node::default(); count];
     for (at, &node) in of_pixel.iter().enumerate() {
         let depth = depth.map(|depth| depth.depths[at]).filter(|&depth| known(depth));
@@ -291,9 +285,8 @@ mod tests {
     fn regions_never_cross_a_clear_border_even_of_a_thin_stripe() {
         let (width, height) = (90usize, 60usize);
         let is_stripe = |at: usize| (40..43).contains(&(at % width));
-        let lab: Vec<[f32; 3]> = (0..width * height)
-            .map(|at| if is_stripe(at) { [60.0, -30.0, 30.0] } else { [60.0, 5.0, 10.0] })
-            .collect();
+        let lab: Vec<[f32; 3]> =
+            (0..width * height).map(|at| if is_stripe(at) { [60.0, -30.0, 30.0] } else { [60.0, 5.0, 10.0] }).collect();
         let edges = edge_map(&lab, width, height, None);
         let partition = partition(&lab, None, &edges, width, &RegionOptions::default());
         let mut stripe = vec![None; partition.count];

@@ -61,7 +61,7 @@ mod tests {
         let far = outliers(&points, &OutlierOptions::default(), &Progress::default()).unwrap();
         let found: Vec<usize> = (0..far.len()).filter(|&i| far[i]).collect();
         assert_eq!(found, [900, 901]);
-        assert!(outliers(&[], &OutlierOptions::default(), &Progress::default()).unwrap().is_empty());
+        assert_eq!(outliers(&[], &OutlierOptions::default(), &Progress::default()).unwrap(), Vec::<bool>::new());
         assert_eq!(outliers(&[Vec3::ONE], &OutlierOptions::default(), &Progress::default()).unwrap(), [false]);
     }
 }

@@ -65,6 +65,7 @@ fn take_open(open: OpenProject, warnings: Vec<String>) -> Landing {
         session.close()?;
         session.events.push(Event::Opened(open.root().to_owned()));
         session.open = Some(open);
+        session.tell_changed();
         session.warn_all(warnings);
         Ok(())
     })

@@ -1,18 +1,18 @@
 use anyhow::Result;
 
-use crate::session::{Event, Session};
+use crate::session::Session;
 
 impl Session {
     pub(in crate::session) fn undo(&mut self) -> Result<()> {
         self.stop_growing_run();
         self.opened()?.undo()?;
-        self.events.push(Event::Changed);
+        self.tell_changed();
         Ok(())
     }
 
     pub(in crate::session) fn redo(&mut self) -> Result<()> {
         self.opened()?.redo()?;
-        self.events.push(Event::Changed);
+        self.tell_changed();
         Ok(())
     }
 

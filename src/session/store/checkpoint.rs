@@ -4,7 +4,7 @@ use std::sync::Arc;
 use anyhow::Result;
 
 use super::folder::Written;
-use super::{history_file, manifest, mask_files};
+use super::{history_file, manifest, mask_files, versions};
 use crate::engine::job::Progress;
 use crate::session::{History, Project};
 
@@ -42,6 +42,7 @@ impl Checkpoint {
             history_file::append(root, length, &self.lines)?
         };
         manifest::write(root, project, self.seq)?;
+        versions::collect(root, project, &self.history);
         mask_files::remove_gone(root, &masks, &self.before.masks);
         Ok(Written { seq: self.seq, masks, history_length, history_seq: self.seq })
     }

@@ -18,7 +18,9 @@ mod mask_files;
 mod mask_png;
 pub(super) mod packed_runs;
 mod record;
+mod versions;
 
 pub use checkpoint::{Checkpoint, HISTORY_BYTES};
 pub use folder::{Folder, Loaded, Written};
 pub use record::{Act, Record};
+pub use versions::{cloud_path, next as next_version, publish, version_in_force, votes_path};
