@@ -15,4 +15,6 @@ mod films;
 #[cfg(test)]
 mod frames;
 #[cfg(test)]
+mod masks;
+#[cfg(test)]
 mod shared;
