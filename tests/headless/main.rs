@@ -9,4 +9,6 @@ mod architecture;
 #[cfg(test)]
 mod frames;
 #[cfg(test)]
+mod fuse;
+#[cfg(test)]
 mod shared;

@@ -15,6 +15,9 @@ use crate::frames::DepthMap;
 use crate::masks::LabelMask;
 use crate::scene::SceneError;
 
+/// Change of depth from a pixel to the next, in pixel footprints, that still counts as one surface.
+const SLANT_PX: f64 = 1.5;
+
 /// What the vote needs to know besides points and frames.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct VoteOptions {
@@ -105,7 +108,9 @@ impl Voting {
             }
             None => {
                 let splat = splat_depth(points, &view, options.radius);
-                (Arc::new(splat), Tolerance { absolute: 3.0 * options.radius, relative: 0.0 })
+                // On a slanted surface the depth changes from one pixel to the next by about what a pixel covers.
+                let slope = SLANT_PX / view.camera.focal_px.max_element();
+                (Arc::new(splat), Tolerance { absolute: 2.0 * options.radius, relative: slope })
             }
         };
         Ok(Self { index, view, depth, mask, tolerance })
