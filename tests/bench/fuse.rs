@@ -38,7 +38,10 @@ fn load(dir: &Path) -> Vec<Frame> {
     for line in images.lines().filter(|l| !l.starts_with('#') && !l.is_empty()) {
         let n = numbers(line);
         let name = line.split_whitespace().last().unwrap();
-        let pose = Pose { rotation: glam::DQuat::from_xyzw(n[2], n[3], n[4], n[1]).normalize(), translation: glam::DVec3::new(n[5], n[6], n[7]) };
+        let pose = Pose {
+            rotation: glam::DQuat::from_xyzw(n[2], n[3], n[4], n[1]).normalize(),
+            translation: glam::DVec3::new(n[5], n[6], n[7]),
+        };
         let frame = frames.iter_mut().find(|f| f.name == name).unwrap();
         frame.camera = Some(FrameCamera { intrinsics, camera_from_world: Some(pose) });
     }
@@ -106,7 +109,8 @@ fn bench_ply() {
 
 fn peak_memory_mb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok());
+    let peak =
+        status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok());
     peak.unwrap_or(0) >> 10
 }
 
