@@ -121,3 +121,22 @@ fn romi() {
     println!("{}", cloud_table(&score));
     picture(&fused, &frames, "romi");
 }
+
+#[test]
+fn kitchen() {
+    let Some(data) = data_dir() else { return };
+    let dir = data.join("redkitchen_rgbd_a");
+    let mut frames = load(&dir, "color", Some("depth"));
+    let every = option("EVERY", 1.0) as usize;
+    frames = frames.into_iter().step_by(every).collect();
+    let store = FrameStore::new(256 << 20);
+    let mask = |_: usize| None;
+    let views = ProjectViews { frames: &frames, store: &store, masks: &mask };
+    let outliers = option("OUT", 0.0);
+    let options = FuseOptions { voxel: Some(option("VOXEL", 0.01)), edge_tolerance: option("EDGE", 0.02) as f32, min_views: option("VIEWS", 1.0) as u32,
+        outliers: (outliers > 0.0).then_some(ostra::scene::points::OutlierOptions { neighbours: 16, std_ratio: outliers }), ..FuseOptions::default() };
+    let start = std::time::Instant::now();
+    let fused = fuse(&views, &LabelTree::default(), &options, &Progress::default()).unwrap();
+    println!("{:?} {:#?}", start.elapsed(), fused.report);
+    picture(&fused, &frames, "kitchen");
+}
