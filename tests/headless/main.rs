@@ -7,6 +7,10 @@ mod support;
 #[cfg(test)]
 mod architecture;
 #[cfg(test)]
+mod cameras;
+#[cfg(test)]
+mod films;
+#[cfg(test)]
 mod frames;
 #[cfg(test)]
 mod fuse;
