@@ -16,5 +16,6 @@ mod films;
 mod frames;
 #[cfg(test)]
 mod masks;
+mod fuse;
 #[cfg(test)]
 mod shared;
