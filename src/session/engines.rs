@@ -4,6 +4,7 @@ use anyhow::{Result, bail, ensure};
 
 use super::{Project, TrackSettings};
 use crate::masks::builtin::BuiltinSegmenter;
+use crate::scene::GeometryTracker;
 use crate::masks::{Segmenter, Tracker};
 
 /// What an engine is for.
@@ -76,5 +77,5 @@ pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box
     );
     let allowed = project.frames.iter().any(|frame| frame.depth.is_some() && frame.posed_camera().is_some());
     ensure!(allowed, "no installed tracker fits: 'geometry' needs frames with depth and cameras; add both first");
-    bail!("no tracker yet")
+    Ok(Box::new(GeometryTracker::default()))
 }
