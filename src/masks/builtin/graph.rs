@@ -92,6 +92,23 @@ impl RegionGraph {
         (a.at[0] - b.at[0]).hypot(a.at[1] - b.at[1])
     }
 
+    /// All regions reachable from `start` through `inside`, marked in `seen`.
+    pub fn flood(&self, start: u32, seen: &mut [bool], inside: impl Fn(usize) -> bool) -> Vec<u32> {
+        let mut reached = vec![start];
+        seen[start as usize] = true;
+        let mut next = 0;
+        while let Some(&at) = reached.get(next) {
+            next += 1;
+            for &(to, _) in self.neighbours(at as usize) {
+                if !seen[to as usize] && inside(to as usize) {
+                    seen[to as usize] = true;
+                    reached.push(to);
+                }
+            }
+        }
+        reached
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.of_pixel)

@@ -3,6 +3,7 @@
 //! May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
 mod appearance;
+mod boxes;
 mod candidates;
 mod choice;
 mod color;

@@ -1,6 +1,7 @@
 //! From prompts to an answer: every click changes one connected part of the last answer.
 
 use super::appearance::Palette;
+use super::boxes::{BoxOptions, object_in_box};
 use super::candidates::{CandidateOptions, candidates};
 use super::choice::{WEIGHTS, best, kind_of};
 use super::graph::RegionGraph;
@@ -44,8 +45,12 @@ impl<'a> Query<'a> {
         self.inside = mostly(self.graph, previous);
     }
 
+    /// Takes the object in each box.
     pub fn add_boxes(&mut self, boxes: &[PxBox]) {
-        let _ = boxes;
+        for within in boxes {
+            let found = object_in_box(self.graph, self.palette, &self.closed, within, &BoxOptions::default());
+            self.apply(&found, true);
+        }
     }
 
     /// Notes a click; a new one changes the answer around it.
@@ -131,7 +136,7 @@ impl<'a> Query<'a> {
 fn chosen(situation: &Situation<'_>) -> Option<Vec<bool>> {
     let mut found = candidates(situation, &CandidateOptions::default());
     let best = best(&WEIGHTS, kind_of(situation), &found)?;
-    Some(found.swap_remove(best).change)
+    Some(found.all.swap_remove(best).change)
 }
 
 /// Which regions lie mostly inside `mask`.
