@@ -1,1 +1,5 @@
-fn main() {}
+//! The program: `ostra`.
+
+fn main() -> std::process::ExitCode {
+    ostra::cli::main()
+}

@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::engine::job::Stopped;
 use crate::geometry::GeometryError;
@@ -13,6 +13,12 @@ pub enum FrameError {
         path: PathBuf,
         /// What the system said.
         source: std::io::Error,
+    },
+    /// A source file or folder is gone.
+    #[error("{}: is not there; if it was moved, point the project to its new place", path.display())]
+    Missing {
+        /// The file or folder.
+        path: PathBuf,
     },
     /// A file's content is damaged or not what its place demands.
     #[error("{}: {what}", path.display())]
@@ -36,4 +42,14 @@ pub enum FrameError {
     /// The user stopped it.
     #[error(transparent)]
     Stopped(#[from] Stopped),
+}
+
+impl FrameError {
+    /// Tells a path that is gone from one that cannot be read.
+    pub(super) fn io(path: &Path, source: std::io::Error) -> Self {
+        if source.kind() == std::io::ErrorKind::NotFound {
+            return Self::Missing { path: path.into() };
+        }
+        Self::Io { path: path.into(), source }
+    }
 }

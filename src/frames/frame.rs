@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +35,16 @@ pub enum PictureSource {
         /// Its time in seconds from the start.
         time_s: f64,
     },
+}
+
+impl PictureSource {
+    /// The picture file or the film.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::File { path, .. } | Self::Film { path, .. } => path,
+        }
+    }
 }
 
 /// Where a frame's depth comes from: a 16-bit picture, pixel for pixel with the stored colour picture.

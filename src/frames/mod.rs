@@ -2,12 +2,20 @@
 //!
 //! May use: geometry, engine::job. Must not touch: labels, GPU.
 
+mod cache;
+pub mod cameras;
+mod decode;
 mod error;
+mod film;
 mod frame;
+mod header;
 mod image;
+mod open;
 mod store;
+mod turn;
 
 pub use error::FrameError;
 pub use frame::{DepthSource, Frame, FrameCamera, Orientation, PictureSource};
 pub use image::{DepthMap, Image};
+pub use open::{FrameFolder, OpenRequest, Opened, natural_order, open};
 pub use store::FrameStore;

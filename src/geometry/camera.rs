@@ -1,47 +1,7 @@
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
 use serde::{Deserialize, Serialize};
 
-/// Lens distortion, with the parameters and formulas of the COLMAP camera model of the same name.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Distortion {
-    /// `PINHOLE`, `SIMPLE_PINHOLE`.
-    #[default]
-    None,
-    /// `SIMPLE_RADIAL` (k2 = 0) and `RADIAL`: `1 + k1 r² + k2 r⁴`.
-    Radial {
-        /// k1, k2.
-        k: [f64; 2],
-    },
-    /// `OPENCV`: k1, k2, p1, p2.
-    OpenCv {
-        /// Radial k1, k2.
-        k: [f64; 2],
-        /// Tangential p1, p2.
-        p: [f64; 2],
-    },
-    /// `FULL_OPENCV`: k1, k2, p1, p2, k3, k4, k5, k6 (rational).
-    FullOpenCv {
-        /// Radial k1 … k6.
-        k: [f64; 6],
-        /// Tangential p1, p2.
-        p: [f64; 2],
-    },
-    /// `OPENCV_FISHEYE`: equidistant, k1 … k4.
-    OpenCvFisheye {
-        /// k1 … k4.
-        k: [f64; 4],
-    },
-    /// `THIN_PRISM_FISHEYE`: k1, k2, p1, p2, k3, k4, sx1, sy1.
-    ThinPrismFisheye {
-        /// k1 … k4.
-        k: [f64; 4],
-        /// p1, p2.
-        p: [f64; 2],
-        /// Thin prism sx1, sy1.
-        s: [f64; 2],
-    },
-}
+use super::Distortion;
 
 /// A camera's intrinsics. Pixel space: centre of the top-left pixel at (0.5, 0.5); camera space: OpenCV axes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -72,20 +32,124 @@ impl Camera {
         }
     }
 
-    /// Pixel position of a point in camera space; `None` behind the camera (or outside what the lens model covers).
-    /// The position may lie outside the picture.
+    /// Pixel position of a point in camera space; `None` behind the camera, for NaN, and where the lens model folds back
+    /// (points far outside the picture). The position may lie outside the picture.
     #[must_use]
     pub fn project(&self, x_in_camera: DVec3) -> Option<DVec2> {
-        if x_in_camera.z <= 0.0 {
+        if x_in_camera.z.is_nan() || x_in_camera.z <= 0.0 {
             return None;
         }
-        Some(x_in_camera.truncate() / x_in_camera.z * self.focal_px + self.principal_px)
+        let at_plane = x_in_camera.truncate() / x_in_camera.z;
+        let distorted = match self.distortion.terms() {
+            None => at_plane,
+            Some(lens) => lens.distort(at_plane)?,
+        };
+        Some(distorted * self.focal_px + self.principal_px)
     }
 
     /// The point on the plane z = 1 of camera space that is seen at `at_px`. A point at `depth` along the optical
-    /// axis is `depth · (x, y, 1)`.
+    /// axis is `depth · (x, y, 1)`. NaN where the lens covers no such point (a fisheye at 90° from its axis).
     #[must_use]
     pub fn unproject(&self, at_px: DVec2) -> DVec2 {
-        (at_px - self.principal_px) / self.focal_px
+        let distorted = (at_px - self.principal_px) / self.focal_px;
+        match self.distortion.terms() {
+            None => distorted,
+            Some(lens) => lens.undistort(distorted),
+        }
+    }
+
+    /// [`Self::unproject`] at the centre of every pixel of `row`, for dense loops over rows in parallel; as many as
+    /// `rays` holds, from column 0.
+    pub fn unproject_row(&self, row: u32, rays: &mut [Vec2]) {
+        let y = f64::from(row) + 0.5;
+        for (column, ray) in rays.iter_mut().enumerate() {
+            *ray = self.unproject(DVec2::new(column as f64 + 0.5, y)).as_vec2();
+        }
+    }
+
+    /// Whether a position lies in the picture.
+    #[must_use]
+    pub fn contains(&self, at_px: DVec2) -> bool {
+        at_px.x >= 0.0 && at_px.y >= 0.0 && at_px.x < f64::from(self.width) && at_px.y < f64::from(self.height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// One camera of every model, with coefficients as real lenses have them.
+    fn cameras() -> Vec<Camera> {
+        let models = [
+            Distortion::None,
+            Distortion::Radial { k: [-0.2, 0.03] },
+            Distortion::OpenCv { k: [-0.28, 0.07], p: [1e-3, -2e-3] },
+            Distortion::FullOpenCv { k: [0.3, 0.05, 0.002, 0.5, 0.03, 0.001], p: [-1e-3, 5e-4] },
+            Distortion::OpenCvFisheye { k: [0.05, -0.01, 0.004, -0.001] },
+            Distortion::ThinPrismFisheye { k: [0.02, -0.01, 0.003, 1e-3], p: [4e-3, -7e-3], s: [3e-3, 5e-3] },
+        ];
+        let base = Camera::pinhole(640, 480, 500.0, 510.0, 322.0, 237.5);
+        models.into_iter().map(|distortion| Camera { distortion, ..base }).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn project_undoes_unproject(x in 0.0..640.0f64, y in 0.0..480.0f64, depth in 0.1..100.0f64) {
+            for camera in cameras() {
+                let ray = camera.unproject(DVec2::new(x, y));
+                let back = camera.project(depth * ray.extend(1.0));
+                prop_assert!(back.is_some_and(|at| at.abs_diff_eq(DVec2::new(x, y), 1e-6)), "{camera:?}: {back:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn follows_the_published_formulas() {
+        // Worked by hand at (u, v) = (0.3, 0.4): r² = 0.25.
+        let x = DVec3::new(0.6, 0.8, 2.0);
+        let unit = Camera::pinhole(10, 10, 1.0, 1.0, 0.0, 0.0);
+        let at = |distortion| Camera { distortion, ..unit }.project(x).unwrap();
+        assert!(at(Distortion::Radial { k: [0.1, 0.2] }).abs_diff_eq(DVec2::new(0.3, 0.4) * 1.0375, 1e-12));
+        let tangential = at(Distortion::OpenCv { k: [0.0, 0.0], p: [0.01, 0.02] });
+        assert!(tangential.abs_diff_eq(DVec2::new(0.3 + 0.0024 + 0.0086, 0.4 + 0.0048 + 0.0057), 1e-12));
+        let angle = 0.5f64.atan();
+        let fisheye = at(Distortion::OpenCvFisheye { k: [0.1, 0.0, 0.0, 0.0] });
+        assert!(fisheye.abs_diff_eq(DVec2::new(0.6, 0.8) * angle * (1.0 + 0.1 * angle * angle), 1e-12));
+        let rational = at(Distortion::FullOpenCv { k: [0.1, 0.0, 0.0, 0.2, 0.0, 0.0], p: [0.0; 2] });
+        assert!(rational.abs_diff_eq(DVec2::new(0.3, 0.4) * 1.025 / 1.05, 1e-12));
+        let prism = at(Distortion::ThinPrismFisheye { k: [0.0; 4], p: [0.0; 2], s: [0.01, 0.02] });
+        let drawn_in = DVec2::new(0.6, 0.8) * angle;
+        assert!(prism.abs_diff_eq(drawn_in + angle * angle * DVec2::new(0.01, 0.02), 1e-12));
+    }
+
+    #[test]
+    fn a_point_beyond_the_fold_is_not_seen() {
+        // 1 − 0.3 r² folds back at r = 1.05: a point at r = 1.7 would land inside the picture.
+        let camera = Camera {
+            distortion: Distortion::Radial { k: [-0.3, 0.0] },
+            ..Camera::pinhole(640, 480, 300.0, 300.0, 320.0, 240.0)
+        };
+        assert_eq!(camera.project(DVec3::new(1.7, 0.0, 1.0)), None);
+        assert!(camera.project(DVec3::new(0.9, 0.0, 1.0)).is_some());
+        assert!(camera.unproject(DVec2::new(640.0, 240.0)).is_nan());
+    }
+
+    #[test]
+    fn behind_and_nan_are_not_seen() {
+        for camera in cameras() {
+            assert_eq!(camera.project(DVec3::new(0.1, 0.1, -1.0)), None);
+            assert_eq!(camera.project(DVec3::new(0.1, 0.1, f64::NAN)), None);
+        }
+    }
+
+    #[test]
+    fn a_row_of_rays_is_what_single_pixels_give() {
+        for camera in cameras() {
+            let mut rays = vec![Vec2::ZERO; 640];
+            camera.unproject_row(17, &mut rays);
+            let single = camera.unproject(DVec2::new(600.5, 17.5));
+            assert_eq!(rays[600], single.as_vec2());
+        }
     }
 }

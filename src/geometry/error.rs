@@ -21,4 +21,20 @@ pub enum GeometryError {
         /// `se3` or `sim3`.
         kind: &'static str,
     },
+    /// A picture that must be mirrored to be seen upright; a pose only turns.
+    #[error("EXIF orientation {orientation} mirrors the picture, which no camera pose can; save the picture upright")]
+    Mirrored {
+        /// The orientation, 1 to 8 where it is one.
+        orientation: u8,
+    },
+    /// Two lists that belong together have different lengths.
+    #[error("there are {left} {what} on one side and {right} on the other")]
+    Unpaired {
+        /// What is paired, e.g. `cameras`.
+        what: &'static str,
+        /// How many on the first side.
+        left: usize,
+        /// How many on the second.
+        right: usize,
+    },
 }

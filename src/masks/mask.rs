@@ -1,6 +1,4 @@
-use serde::{Deserialize, Serialize};
-
-use super::LabelId;
+use super::{LabelId, LabelTree, Region};
 
 /// A label for every pixel of one frame, row by row.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -11,29 +9,6 @@ pub struct LabelMask {
     pub height: u32,
     /// `width · height` ids; 0 = nothing.
     pub ids: Vec<LabelId>,
-}
-
-/// The pixels of one object on one frame.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Region {
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// `width · height` flags, row by row.
-    pub inside: Vec<bool>,
-}
-
-/// A [`LabelMask`] as runs of equal ids, row by row without a break between rows: what a project holds and keeps in
-/// its history.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RunMask {
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// (id, length) of each run; lengths are above 0 and sum to `width · height`; neighbours differ in id.
-    pub runs: Vec<(LabelId, u32)>,
 }
 
 impl LabelMask {
@@ -54,43 +29,43 @@ impl LabelMask {
     pub fn region(&self, id: LabelId) -> Region {
         Region { width: self.width, height: self.height, inside: self.ids.iter().map(|&at| at == id).collect() }
     }
-}
 
-impl Region {
-    /// A region without pixels.
+    /// The pixels of a label and of all labels below it in the tree.
     #[must_use]
-    pub fn empty(width: u32, height: u32) -> Self {
-        Self { width, height, inside: vec![false; width as usize * height as usize] }
+    pub fn region_with_parts(&self, id: LabelId, tree: &LabelTree) -> Region {
+        let mut wanted = tree.descendants(id);
+        wanted.push(id);
+        wanted.sort_unstable();
+        let inside = self.ids.iter().map(|at| wanted.binary_search(at).is_ok()).collect();
+        Region { width: self.width, height: self.height, inside }
     }
 
-    /// Whether column `x`, row `y` is inside.
+    /// Every label as read at `level` (1 = top): its ancestor there, itself where it is not deeper.
     #[must_use]
-    pub fn at(&self, x: u32, y: u32) -> bool {
-        self.inside[y as usize * self.width as usize + x as usize]
-    }
-
-    /// Number of pixels inside.
-    #[must_use]
-    pub fn area(&self) -> usize {
-        self.inside.iter().filter(|&&inside| inside).count()
+    pub fn at_level(&self, tree: &LabelTree, level: usize) -> Self {
+        super::RunMask::encode(self).at_level(tree, level).decode()
     }
 }
 
-impl RunMask {
-    /// Run-length encodes a mask.
-    #[must_use]
-    pub fn encode(mask: &LabelMask) -> Self {
-        let runs = mask.ids.chunk_by(|a, b| a == b).map(|run| (run[0], run.len() as u32)).collect();
-        Self { width: mask.width, height: mask.height, runs }
-    }
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::masks::Label;
 
-    /// The mask as pixels.
-    #[must_use]
-    pub fn decode(&self) -> LabelMask {
-        let mut ids = Vec::with_capacity(self.width as usize * self.height as usize);
-        for &(id, length) in &self.runs {
-            ids.resize(ids.len() + length as usize, id);
-        }
-        LabelMask { width: self.width, height: self.height, ids }
+    #[test]
+    fn coarser_levels_are_read_off_the_tree() {
+        let label = |id, parent: Option<u16>| Label {
+            id: LabelId(id),
+            name: format!("label {id}"),
+            color: [0; 3],
+            parent: parent.map(LabelId),
+        };
+        let tree: LabelTree =
+            vec![label(1, None), label(2, Some(1)), label(3, Some(2)), label(4, None)].try_into().unwrap();
+        let mask = LabelMask { width: 3, height: 2, ids: [0, 1, 2, 3, 4, 9].map(LabelId).to_vec() };
+        assert_eq!(mask.at_level(&tree, 1).ids, [0, 1, 1, 1, 4, 9].map(LabelId));
+        assert_eq!(mask.at_level(&tree, 2).ids, [0, 1, 2, 2, 4, 9].map(LabelId));
+        assert_eq!(mask.region_with_parts(LabelId(2), &tree).inside, [false, false, true, true, false, false]);
+        assert_eq!(mask.region(LabelId(2)).area(), 1);
     }
 }

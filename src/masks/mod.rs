@@ -1,18 +1,38 @@
-//! Labels, prompts and one mask per frame; the seams `Segmenter`, `TextGrounder`, `Tracker`; mask formats.
+//! Labels, prompts and one mask per frame; changing masks by hand; the seams `Segmenter`, `TextGrounder`, `Tracker`; mask
+//! formats; scores against true masks.
 //!
 //! May use: frames, engine::job. Only `onnx/` uses engine::nn. Must not touch: cameras, 3-D, UI.
 
 pub mod builtin;
+mod components;
+mod distance;
+mod edit;
 mod error;
+mod formats;
 mod label;
 mod mask;
+mod outline;
 mod prompt;
+mod region;
 mod robot;
+mod runs;
+mod score;
 mod seam;
 
+pub use components::{Components, Connectivity, components};
+pub use distance::{deepest_point, squared_depth_in, squared_distance_to};
+pub use edit::{PaintRule, assign, compose, erase, fill_polygons, stroke, taken_by_others};
 pub use error::MaskError;
+pub use formats::{
+    Imported, MaskFormat, MaskFrame, encode_palette_png, export_masks, file_stems, import_masks, read_labels_json,
+    read_palette_png, write_labels_json,
+};
 pub use label::{Label, LabelId, LabelTree};
-pub use mask::{LabelMask, Region, RunMask};
+pub use mask::LabelMask;
+pub use outline::{Outline, outlines, simplified_ring};
 pub use prompt::{Click, Prompt, PxBox};
+pub use region::Region;
 pub use robot::next_click;
+pub use runs::{Extent, RunMask};
+pub use score::{FramePair, FrameScore, LabelScore, MaskScore, ScoreOptions, boundary_f, score_masks, score_pairs};
 pub use seam::{Direction, PreparedFrame, SegmentRequest, Segmenter, TrackRequest, TrackedFrame, Tracker};

@@ -10,6 +10,16 @@ pub struct Click {
     pub include: bool,
 }
 
+impl Click {
+    /// Place of the pixel it falls on in a frame's pixels row by row; `None` outside the frame.
+    #[must_use]
+    pub fn pixel_in(&self, width: u32, height: u32) -> Option<usize> {
+        let (x, y) = (self.at_px.x.floor(), self.at_px.y.floor());
+        let inside = x >= 0.0 && y >= 0.0 && x < f64::from(width) && y < f64::from(height);
+        inside.then(|| y as usize * width as usize + x as usize)
+    }
+}
+
 /// An axis-parallel box around an object, in pixels of the picture as shown.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PxBox {

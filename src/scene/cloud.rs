@@ -1,4 +1,4 @@
-use crate::masks::{LabelId, LabelTree};
+use crate::masks::{Label, LabelId, LabelTree};
 
 /// Points with colour, normal, label and the share of the vote that the label won. All vectors have equal length.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -17,6 +17,9 @@ pub struct LabelledCloud {
     pub tree: LabelTree,
 }
 
+/// Colour of points without a label where a cloud is shown or written in label colours (sRGB).
+pub const UNLABELLED_COLOR: [u8; 3] = [128, 128, 128];
+
 impl LabelledCloud {
     /// Number of points.
     #[must_use]
@@ -28,5 +31,109 @@ impl LabelledCloud {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
+    }
+
+    /// Positions only: grey, without normals and labels.
+    #[must_use]
+    pub fn from_positions(positions: Vec<glam::Vec3>) -> Self {
+        let count = positions.len();
+        Self {
+            positions,
+            normals: vec![glam::Vec3::ZERO; count],
+            colors: vec![[192; 3]; count],
+            labels: vec![LabelId::NONE; count],
+            confidence: vec![0.0; count],
+            tree: LabelTree::default(),
+        }
+    }
+
+    /// The points with these indices, in their order, under the same tree. Indices beyond the end are left out.
+    #[must_use]
+    pub fn select(&self, indices: &[u32]) -> Self {
+        fn pick<T: Copy>(from: &[T], indices: &[u32]) -> Vec<T> {
+            indices.iter().filter_map(|&index| from.get(index as usize).copied()).collect()
+        }
+        Self {
+            positions: pick(&self.positions, indices),
+            normals: pick(&self.normals, indices),
+            colors: pick(&self.colors, indices),
+            labels: pick(&self.labels, indices),
+            confidence: pick(&self.confidence, indices),
+            tree: self.tree.clone(),
+        }
+    }
+
+    /// The cloud with every label read at `level` (1 = top); the tree stays whole.
+    #[must_use]
+    pub fn at_level(&self, level: usize) -> Self {
+        let mut cloud = self.clone();
+        let coarse = level_table(&self.tree, level);
+        for id in &mut cloud.labels {
+            *id = coarse.get(usize::from(id.0)).copied().unwrap_or(*id);
+        }
+        cloud
+    }
+
+    /// The colours of the points' labels; [`UNLABELLED_COLOR`] where there is none.
+    #[must_use]
+    pub fn label_colors(&self) -> Vec<[u8; 3]> {
+        let mut table = vec![UNLABELLED_COLOR; usize::from(u16::MAX) + 1];
+        for label in self.tree.iter() {
+            table[usize::from(label.id.0)] = label.color;
+        }
+        self.labels.iter().map(|id| table[usize::from(id.0)]).collect()
+    }
+}
+
+/// For every id up to the largest of the tree, its ancestor at `level`.
+fn level_table(tree: &LabelTree, level: usize) -> Vec<LabelId> {
+    let last = tree.iter().last().map_or(0, |label| label.id.0);
+    (0..=last).map(|id| tree.at_level(LabelId(id), level)).collect()
+}
+
+/// Gives every id of `ids` that the tree lacks a top-level label named after its number.
+pub(crate) fn name_unknown_labels(tree: &mut LabelTree, ids: impl IntoIterator<Item = LabelId>) {
+    for id in ids {
+        if id == LabelId::NONE || tree.get(id).is_some() {
+            continue;
+        }
+        let mut name = id.0.to_string();
+        while tree.by_name(&name).is_some() {
+            name.push('\'');
+        }
+        let label = Label { id, name, color: LabelTree::color_for(id), parent: None };
+        // A new top-level label with a free name breaks no invariant of the tree.
+        let _ = tree.set(label);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn label(id: u16, name: &str, parent: Option<u16>) -> Label {
+        Label { id: LabelId(id), name: name.into(), color: [id as u8; 3], parent: parent.map(LabelId) }
+    }
+
+    #[test]
+    fn levels_and_selection() {
+        let mut cloud = LabelledCloud::from_positions(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y]);
+        cloud.tree.set(label(1, "plant", None)).unwrap();
+        cloud.tree.set(label(2, "leaf", Some(1))).unwrap();
+        cloud.labels = vec![LabelId(2), LabelId(0), LabelId(9)];
+        assert_eq!(cloud.at_level(1).labels, [LabelId(1), LabelId(0), LabelId(9)]);
+        assert_eq!(cloud.label_colors(), [[2; 3], UNLABELLED_COLOR, UNLABELLED_COLOR]);
+        let picked = cloud.select(&[2, 7, 0]);
+        assert_eq!(picked.positions, [glam::Vec3::Y, glam::Vec3::ZERO]);
+        assert_eq!(picked.labels, [LabelId(9), LabelId(2)]);
+    }
+
+    #[test]
+    fn unknown_ids_get_free_names() {
+        let mut tree = LabelTree::default();
+        tree.set(label(1, "7", None)).unwrap();
+        name_unknown_labels(&mut tree, [LabelId(0), LabelId(7), LabelId(7), LabelId(1)]);
+        assert_eq!(tree.iter().count(), 2);
+        assert_eq!(tree.get(LabelId(7)).unwrap().name, "7'");
     }
 }

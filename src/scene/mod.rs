@@ -5,6 +5,12 @@
 
 mod cloud;
 mod error;
+pub mod fuse;
+pub mod measure;
+pub mod ply;
+pub mod points;
+pub mod synthetic;
+pub mod score;
 
-pub use cloud::LabelledCloud;
+pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;

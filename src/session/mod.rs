@@ -1,1 +1,37 @@
-//! session
+//! The open project: `Project`, `Edit`, `History`, saving; `Command → Job → Edits`; which engines are loaded.
+//!
+//! May use: every room above. Must not touch: egui, printing, exit codes.
+
+mod act;
+mod apply;
+mod cloud;
+mod command;
+mod commands;
+pub mod demo;
+mod edit;
+mod engines;
+pub mod evaluate;
+mod event;
+mod history;
+mod jobs;
+mod open_project;
+mod prepared;
+mod pictures;
+mod project;
+#[expect(clippy::module_inception, reason = "the noun lives in a file of its name")]
+mod session;
+mod stale;
+pub mod store;
+
+pub use command::{
+    Command, ExportRequest, FuseRequest, NewProject, PaintRequest, PromptRequest, Recipe, ReconstructMethod,
+    ReconstructRequest, TrackSettings,
+};
+pub use edit::Edit;
+pub use engines::{Engine, EngineKind, engines};
+pub use event::{Event, JobId, JobView};
+pub use history::{Change, History, Step};
+pub use open_project::OpenProject;
+pub use pictures::Pictures;
+pub use project::{FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
+pub use session::Session;

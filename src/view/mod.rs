@@ -1,1 +1,28 @@
-//! view
+//! Drawing of pictures, masks and clouds; picking; PNG shots.
+//!
+//! On the GPU into textures of its own (`cloud_view`), and on the CPU (`raster`, the twin that draws shots anywhere).
+//! May use: scene, masks, frames, geometry, engine::gpu. Must not touch: egui, Session.
+
+mod bounds;
+mod cloud_view;
+mod coloring;
+mod error;
+mod lines;
+mod orbit;
+mod overlay;
+mod pick;
+mod pipelines;
+mod points;
+mod raster;
+mod shot;
+
+pub use bounds::Bounds;
+pub use cloud_view::{CloudView, Scene3d};
+pub use coloring::Coloring;
+pub use error::ViewError;
+pub use lines::{Line, frustum_lines};
+pub use orbit::{Orbit, ViewCamera};
+pub use overlay::{OverlayStyle, overlay};
+pub use pick::{pick_frustum, pick_point};
+pub use raster::{RasterStyle, draw_cloud};
+pub use shot::{ShotOptions, default_view, shot, write_png};

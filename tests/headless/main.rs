@@ -1,1 +1,16 @@
-fn main() {}
+//! Tests of everything below the window, on real data and as a process: one module a subject.
+
+#[cfg(test)]
+#[path = "../support/mod.rs"]
+mod support;
+
+#[cfg(test)]
+mod architecture;
+#[cfg(test)]
+mod cameras;
+#[cfg(test)]
+mod films;
+#[cfg(test)]
+mod frames;
+#[cfg(test)]
+mod shared;

@@ -1,0 +1,460 @@
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use glam::DVec2;
+
+use super::values;
+
+/// Turns pictures into labelled 3-D: click, track, reconstruct, vote, measure, export.
+#[derive(Debug, Parser)]
+#[command(name = "ostra", version, args_conflicts_with_subcommands = true)]
+pub(super) struct Cli {
+    /// Open the window on a project, a folder of frames, a film or a labelled PLY.
+    pub path: Option<PathBuf>,
+    #[command(subcommand)]
+    pub verb: Option<Verb>,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Verb {
+    /// A made scene with exact truth → the whole job → accuracy report, cloud, picture.
+    Demo(DemoArgs),
+    /// Make a project from frames.
+    New(NewArgs),
+    /// Put more frames into a project; nothing that is there changes.
+    Add(AddArgs),
+    /// Make a label.
+    Label(LabelArgs),
+    /// Set what is given for a label on a frame (clicks, boxes) and segment it.
+    Prompt(PromptArgs),
+    /// Find objects by text on a frame.
+    Ground(GroundArgs),
+    /// Read or write masks.
+    Masks(MasksArgs),
+    /// Carry the masks of the anchor frames through the sequence.
+    Track(TrackArgs),
+    /// Make cameras and depths.
+    Reconstruct(ReconstructArgs),
+    /// Make the labelled cloud by a vote of all views.
+    Fuse(FuseArgs),
+    /// Write results to files.
+    Export(ExportArgs),
+    /// Draw the labelled cloud into a PNG.
+    Shot(ShotArgs),
+    /// Say what a project holds.
+    Info(InfoArgs),
+    /// Score a result against truth.
+    #[command(subcommand)]
+    Eval(EvalVerb),
+    /// Networks: list, install, add, check.
+    #[command(subcommand)]
+    Models(ModelsVerb),
+    /// Run a recipe: a list of commands.
+    Run {
+        /// A file as the window saves it.
+        recipe: PathBuf,
+    },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum SceneName {
+    Tiller,
+    Bricks,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum DemoMethod {
+    Given,
+    Mvs,
+    Rgbd,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct DemoArgs {
+    /// Folder for everything the demo makes.
+    #[arg(default_value = "OUT")]
+    pub out: PathBuf,
+    /// Do not open the window on the result.
+    #[arg(long)]
+    pub headless: bool,
+    /// Which scene.
+    #[arg(long, default_value = "tiller")]
+    pub scene: SceneName,
+    /// Where cameras and depths come from.
+    #[arg(long, default_value = "given")]
+    pub method: DemoMethod,
+    /// Number of views.
+    #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..=1000))]
+    pub frames: u32,
+    /// Size of the views.
+    #[arg(long, default_value = "480x640", value_name = "WxH", value_parser = values::size)]
+    pub size: (u32, u32),
+    /// Another seed makes another plant.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct SourceArgs {
+    /// Folder of pictures (with subfolders), picture or film; may be given more than once.
+    #[arg(long, required = true, num_args = 1.., value_name = "PATH")]
+    pub frames: Vec<PathBuf>,
+    /// Folder of 16-bit depth pictures for the frames given just before.
+    #[arg(long, num_args = 1.., value_name = "PATH")]
+    pub depth: Vec<PathBuf>,
+    /// Metres per step of the stored depth.
+    #[arg(long, default_value = "0.001", value_name = "METRES_PER_STEP", value_parser = values::positive)]
+    pub depth_unit: f64,
+    /// Cameras: COLMAP model, transforms.json, trajectory, pose files …
+    #[arg(long, value_name = "PATH")]
+    pub cameras: Option<PathBuf>,
+    /// For every frame, in pixels, centre of the top-left pixel at 0.5.
+    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = values::intrinsics)]
+    pub intrinsics: Option<[f64; 4]>,
+    /// Take every n-th source frame.
+    #[arg(long, default_value = "1", value_name = "N", value_parser = values::from_one)]
+    pub every: usize,
+    /// First source frame taken.
+    #[arg(long, value_name = "K")]
+    pub from: Option<usize>,
+    /// Last source frame taken (included).
+    #[arg(long, value_name = "K")]
+    pub to: Option<usize>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct NewArgs {
+    /// Folder to make.
+    pub project: PathBuf,
+    #[command(flatten)]
+    pub sources: SourceArgs,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct AddArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    #[command(flatten)]
+    pub sources: SourceArgs,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct LabelArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// The label's name.
+    pub name: String,
+    /// Name of the label above it.
+    #[arg(long, value_name = "NAME")]
+    pub parent: Option<String>,
+    /// Its colour.
+    #[arg(long, value_name = "#rrggbb", value_parser = values::color)]
+    pub color: Option<[u8; 3]>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct PromptArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// Frame number, from 0.
+    #[arg(long, value_name = "K")]
+    pub frame: usize,
+    /// The label's name.
+    #[arg(long, value_name = "NAME")]
+    pub label: String,
+    /// Pixels that belong to it.
+    #[arg(long, num_args = 1.., value_name = "X,Y", value_parser = values::point)]
+    pub click: Vec<DVec2>,
+    /// Pixels that do not.
+    #[arg(long, num_args = 1.., value_name = "X,Y", value_parser = values::point)]
+    pub not: Vec<DVec2>,
+    /// Boxes around it.
+    #[arg(long = "box", num_args = 1.., value_name = "X0,Y0,X1,Y1", value_parser = values::px_box)]
+    pub boxes: Vec<[DVec2; 2]>,
+    /// auto, sam or builtin.
+    #[arg(long, default_value = "auto", value_name = "NAME")]
+    pub segmenter: String,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct GroundArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// Frame number, from 0.
+    #[arg(long, value_name = "K")]
+    pub frame: usize,
+    /// Phrases separated by ';'.
+    #[arg(long)]
+    pub text: String,
+    /// Boxes scored below this are left out.
+    #[arg(long, default_value = "0.3", value_parser = values::share)]
+    pub threshold: f32,
+    /// auto, grounding-dino or yolox.
+    #[arg(long, default_value = "auto", value_name = "NAME")]
+    pub grounder: String,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum MasksVerb {
+    Import,
+    Export,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct MasksArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// import or export.
+    pub verb: MasksVerb,
+    /// Folder of mask files.
+    pub dir: PathBuf,
+    /// davis, binary, coco or yolo.
+    #[arg(long, default_value = "davis", value_parser = ["davis", "binary", "coco", "yolo"])]
+    pub format: String,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Way {
+    Both,
+    Forward,
+    Backward,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct TrackArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// auto, xmem, deaot, geometry or flow.
+    #[arg(long, default_value = "auto", value_name = "NAME")]
+    pub tracker: String,
+    /// First frame.
+    #[arg(long, value_name = "K")]
+    pub from: Option<usize>,
+    /// Last frame (included).
+    #[arg(long, value_name = "K")]
+    pub to: Option<usize>,
+    /// Which way masks go from an anchor.
+    #[arg(long, default_value = "both")]
+    pub direction: Way,
+    /// Hold the masks against the anchors' masks carried through geometry.
+    #[arg(long)]
+    pub constrain: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Method {
+    Auto,
+    Sfm,
+    Mvs,
+    Rgbd,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ReconstructArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// sfm: only cameras.
+    #[arg(long, default_value = "auto")]
+    pub method: Method,
+    /// Reconstruct from every n-th frame.
+    #[arg(long, default_value = "1", value_name = "N", value_parser = values::from_one)]
+    pub every: usize,
+    /// Where kernels run.
+    #[arg(long, default_value = "auto", value_parser = ["auto", "cpu", "gpu"])]
+    pub device: String,
+    /// Longer sides are worked on at this size.
+    #[arg(long, value_name = "PX", value_parser = values::from_one)]
+    pub max_side: Option<usize>,
+    /// Only where masks have a label.
+    #[arg(long)]
+    pub only_labelled: bool,
+    /// Feature detector.
+    #[arg(long, default_value = "auto", value_parser = ["auto", "sift", "xfeat", "superpoint"])]
+    pub features: String,
+    /// Feature matcher.
+    #[arg(long, default_value = "auto", value_parser = ["auto", "nearest", "lighterglue", "superglue"])]
+    pub matcher: String,
+    /// Registration of fragments.
+    #[arg(long, default_value = "auto", value_parser = ["auto", "fgr", "ransac"])]
+    pub registration: String,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct FuseArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// Edge of a voxel in world units; chosen from the data when absent.
+    #[arg(long, value_name = "SIZE", value_parser = values::positive)]
+    pub voxel: Option<f64>,
+    /// Drop points whose label won less than this share of the vote.
+    #[arg(long, value_name = "C", value_parser = values::share)]
+    pub min_confidence: Option<f32>,
+    /// Drop points without a label.
+    #[arg(long)]
+    pub drop_unlabelled: bool,
+    /// Vote on the points of this cloud.
+    #[arg(long, value_name = "CLOUD.ply")]
+    pub onto: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ExportArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// Labelled cloud (PLY).
+    #[arg(long, value_name = "F")]
+    pub cloud: Option<PathBuf>,
+    /// Labelled mesh.
+    #[arg(long, value_name = "F")]
+    pub mesh: Option<PathBuf>,
+    /// Labelled voxels.
+    #[arg(long, value_name = "F")]
+    pub voxels: Option<PathBuf>,
+    /// COLMAP text model.
+    #[arg(long, value_name = "DIR")]
+    pub cameras: Option<PathBuf>,
+    /// Palette PNGs and labels.json.
+    #[arg(long, value_name = "DIR")]
+    pub masks: Option<PathBuf>,
+    /// 32-bit float TIFFs in world units.
+    #[arg(long, value_name = "DIR")]
+    pub depths: Option<PathBuf>,
+    /// Measurements per label.
+    #[arg(long, value_name = "F.csv")]
+    pub traits: Option<PathBuf>,
+    /// Read deeper labels as their ancestor at this depth (1 = top).
+    #[arg(long, value_name = "N", value_parser = values::from_one)]
+    pub level: Option<usize>,
+    /// Write the same points in label colours beside the file.
+    #[arg(long)]
+    pub twin: bool,
+    /// Write one file per label too.
+    #[arg(long)]
+    pub per_label: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum ShotColor {
+    Rgb,
+    Labels,
+    Confidence,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ShotArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// PNG to write.
+    pub out: PathBuf,
+    /// What colours show.
+    #[arg(long, default_value = "rgb")]
+    pub color: ShotColor,
+    /// What is drawn.
+    #[arg(long, default_value = "cloud", value_parser = ["cloud", "mesh", "voxels"])]
+    pub model: String,
+    /// Read deeper labels as their ancestor at this depth (1 = top).
+    #[arg(long, value_name = "N", value_parser = values::from_one)]
+    pub level: Option<usize>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct InfoArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum EvalVerb {
+    /// J and F of masks against true masks.
+    Masks(EvalArgs),
+    /// Labels and surface of a cloud against a true cloud.
+    Cloud(EvalArgs),
+    /// Camera centres and rotations against true cameras.
+    Cameras(EvalArgs),
+    /// A robot user: clicks needed over a sequence.
+    Interact(InteractArgs),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Align {
+    None,
+    Se3,
+    Sim3,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct EvalArgs {
+    /// What is right.
+    #[arg(long, value_name = "PATH")]
+    pub truth: PathBuf,
+    /// What is judged.
+    #[arg(long, value_name = "PATH")]
+    pub result: PathBuf,
+    /// Distances in cloud units; the first one decides which points match.
+    #[arg(long, value_name = "D[,D…]", value_delimiter = ',', value_parser = values::positive)]
+    pub within: Vec<f64>,
+    /// Read deeper labels as their ancestor at this depth (1 = top).
+    #[arg(long, value_name = "N", value_parser = values::from_one)]
+    pub level: Option<usize>,
+    /// How cameras are brought together first.
+    #[arg(long, default_value = "none")]
+    pub align: Align,
+    /// Cameras for --min-views.
+    #[arg(long, value_name = "DIR", requires = "min_views")]
+    pub cameras: Option<PathBuf>,
+    /// Completeness only over truth points inside this many frusta.
+    #[arg(long, value_name = "N", requires = "cameras")]
+    pub min_views: Option<usize>,
+    /// Leave the first frame out.
+    #[arg(long)]
+    pub skip_first: bool,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct InteractArgs {
+    /// Folder of frames.
+    #[arg(long, value_name = "PATH")]
+    pub frames: PathBuf,
+    /// Folder of true masks.
+    #[arg(long, value_name = "MASKS")]
+    pub truth: PathBuf,
+    /// Tracker.
+    #[arg(long, default_value = "auto", value_name = "NAME")]
+    pub tracker: String,
+    /// Segmenter.
+    #[arg(long, default_value = "auto", value_name = "NAME")]
+    pub segmenter: String,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum ModelsVerb {
+    /// What is known and what is installed.
+    List,
+    /// Get a network.
+    Install {
+        /// Its name in the catalogue.
+        name: String,
+    },
+    /// Take a network from files.
+    Add {
+        /// Its name in the catalogue.
+        name: String,
+        /// Its files.
+        #[arg(required = true)]
+        files: Vec<PathBuf>,
+    },
+    /// Load a network and check its inputs and outputs.
+    Check {
+        /// Its name in the catalogue.
+        name: String,
+    },
+}

@@ -1,0 +1,94 @@
+use std::fmt::Write as _;
+
+use anyhow::Result;
+use serde_json::{Value, json};
+
+use super::args::InfoArgs;
+use super::drive::Driver;
+use crate::frames::Frame;
+use crate::session::{MaskOrigin, Project, ResultKind};
+
+pub(super) fn info(args: &InfoArgs) -> Result<()> {
+    let driver = Driver::open(&args.project)?;
+    let project = driver.project()?;
+    if args.json {
+        println!("{}", as_json(project));
+    } else {
+        print!("{}", as_text(project));
+    }
+    Ok(())
+}
+
+/// What a project holds, as `info --json` prints it.
+fn as_json(project: &Project) -> Value {
+    let frames: Vec<Value> = project.frames.iter().enumerate().map(|(number, frame)| frame_json(project, number, frame)).collect();
+    let labels: Vec<Value> = project
+        .labels
+        .iter()
+        .map(|label| {
+            let [r, g, b] = label.color;
+            let parent = label.parent.and_then(|id| project.labels.get(id)).map(|parent| parent.name.clone());
+            json!({ "id": label.id.0, "name": label.name, "parent": parent, "color": format!("#{r:02x}{g:02x}{b:02x}") })
+        })
+        .collect();
+    let results: serde_json::Map<String, Value> = project
+        .results
+        .iter()
+        .map(|(kind, record)| {
+            let value = json!({
+                "engine": record.engine, "frames": record.frames, "seconds": record.seconds, "stale": record.stale,
+            });
+            (result_name(*kind).to_owned(), value)
+        })
+        .collect();
+    json!({ "format": 1, "frames": frames, "labels": labels, "results": results })
+}
+
+/// What a project holds, for people to read.
+fn as_text(project: &Project) -> String {
+    let mut text = String::new();
+    let count = |wanted: &str| (0..project.frames.len()).filter(|&number| mask_state(project, number) == wanted).count();
+    let with = |has: fn(&Frame) -> bool| project.frames.iter().filter(|frame| has(frame)).count();
+    let _ = writeln!(
+        text,
+        "{} frames, {} with depth, {} with camera",
+        project.frames.len(),
+        with(|frame| frame.depth.is_some()),
+        with(|frame| frame.posed_camera().is_some())
+    );
+    let _ = writeln!(text, "masks: {} anchors, {} tracked, {} stale, {} none", count("anchor"), count("tracked"), count("stale"), count("none"));
+    for label in project.labels.iter() {
+        let path: Vec<&str> = project.labels.path(label.id).iter().filter_map(|&id| project.labels.get(id)).map(|label| label.name.as_str()).collect();
+        let _ = writeln!(text, "label {:>3}  {}", label.id.0, path.join(" › "));
+    }
+    for (kind, record) in &project.results {
+        let stale = if record.stale { ", stale: make it anew" } else { "" };
+        let _ = writeln!(text, "{}: {}, {} frames, {:.1} s{stale}", result_name(*kind), record.engine, record.frames, record.seconds);
+    }
+    text
+}
+
+fn frame_json(project: &Project, number: usize, frame: &Frame) -> Value {
+    json!({
+        "name": frame.name, "width": frame.width, "height": frame.height, "depth": frame.depth.is_some(),
+        "camera": frame.posed_camera().is_some(), "mask": mask_state(project, number),
+    })
+}
+
+fn mask_state(project: &Project, number: usize) -> &'static str {
+    match project.masks.get(&number) {
+        None => "none",
+        Some(mask) if mask.stale => "stale",
+        Some(mask) if mask.origin == MaskOrigin::Anchor => "anchor",
+        Some(_) => "tracked",
+    }
+}
+
+fn result_name(kind: ResultKind) -> &'static str {
+    match kind {
+        ResultKind::Tracking => "tracking",
+        ResultKind::Cameras => "cameras",
+        ResultKind::Depths => "depths",
+        ResultKind::Cloud => "cloud",
+    }
+}

@@ -1,0 +1,62 @@
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use clap::ArgMatches;
+
+use super::args::SourceArgs;
+use crate::frames::{FrameFolder, OpenRequest};
+use crate::session::NewProject;
+
+/// What `new` and `add` open. `matches` are those of the verb: they know in which order `--frames` and `--depth` came.
+pub(super) fn new_project(root: PathBuf, args: SourceArgs, matches: &ArgMatches) -> Result<NewProject> {
+    let places = |name: &str| -> Vec<usize> { matches.indices_of(name).into_iter().flatten().collect() };
+    let sources = pair(&args.frames, &places("frames"), &args.depth, &places("depth"))?;
+    Ok(NewProject {
+        root,
+        open: OpenRequest { sources, depth_unit: args.depth_unit, every: args.every, from: args.from, to: args.to },
+        cameras: args.cameras,
+        intrinsics: args.intrinsics,
+    })
+}
+
+/// Gives each depth folder to the frames folder given just before it.
+fn pair(frames: &[PathBuf], frames_at: &[usize], depths: &[PathBuf], depths_at: &[usize]) -> Result<Vec<FrameFolder>> {
+    let mut sources: Vec<FrameFolder> =
+        frames.iter().map(|path| FrameFolder { frames: path.clone(), depth: None }).collect();
+    for (depth, at) in depths.iter().zip(depths_at) {
+        let Some(owner) = frames_at.iter().rposition(|frames_at| frames_at < at) else {
+            bail!("--depth {} comes before any --frames; give it just after the frames it belongs to", depth.display());
+        };
+        if let Some(other) = sources[owner].depth.replace(depth.clone()) {
+            bail!(
+                "both {} and {} are given as depth of {}; give each --depth just after its --frames",
+                other.display(),
+                depth.display(),
+                frames[owner].display()
+            );
+        }
+    }
+    Ok(sources)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn paths(names: &[&str]) -> Vec<PathBuf> {
+        names.iter().map(PathBuf::from).collect()
+    }
+
+    #[test]
+    fn depth_belongs_to_the_frames_before_it() {
+        let sources = pair(&paths(&["a", "b", "c"]), &[2, 6, 8], &paths(&["da", "dc"]), &[4, 10]).unwrap();
+        let depths: Vec<_> = sources.iter().map(|source| source.depth.as_deref().and_then(|p| p.to_str())).collect();
+        assert_eq!(depths, [Some("da"), None, Some("dc")]);
+    }
+
+    #[test]
+    fn depth_without_frames_and_two_depths_are_refused() {
+        assert!(pair(&paths(&["a"]), &[4], &paths(&["d"]), &[2]).is_err());
+        assert!(pair(&paths(&["a"]), &[2], &paths(&["d", "e"]), &[4, 6]).is_err());
+    }
+}

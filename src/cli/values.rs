@@ -1,0 +1,91 @@
+use std::str::FromStr;
+
+use glam::DVec2;
+
+/// `X,Y` in pixels.
+pub(super) fn point(text: &str) -> Result<DVec2, String> {
+    let [x, y] = numbers(text)?;
+    Ok(DVec2::new(x, y))
+}
+
+/// `X0,Y0,X1,Y1` in pixels: any two opposite corners.
+pub(super) fn px_box(text: &str) -> Result<[DVec2; 2], String> {
+    let [x0, y0, x1, y1] = numbers(text)?;
+    let (a, b) = (DVec2::new(x0, y0), DVec2::new(x1, y1));
+    if x0 == x1 || y0 == y1 { Err("the box has no area".into()) } else { Ok([a.min(b), a.max(b)]) }
+}
+
+/// `FX,FY,CX,CY` in pixels, focal lengths above 0.
+pub(super) fn intrinsics(text: &str) -> Result<[f64; 4], String> {
+    let values: [f64; 4] = numbers(text)?;
+    if values[0] > 0.0 && values[1] > 0.0 { Ok(values) } else { Err("focal lengths must be above 0".into()) }
+}
+
+/// `WxH` in pixels, 16 to 8192 each.
+pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
+    let parsed = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match parsed {
+        Some((w, h)) if (16..=8192).contains(&w) && (16..=8192).contains(&h) => Ok((w, h)),
+        _ => Err("a size is WIDTHxHEIGHT in pixels, 16 to 8192 each, e.g. 480x640".into()),
+    }
+}
+
+/// `#rrggbb`.
+pub(super) fn color(text: &str) -> Result<[u8; 3], String> {
+    let hex = text.strip_prefix('#').unwrap_or(text);
+    match u32::from_str_radix(hex, 16) {
+        Ok(value) if hex.len() == 6 => Ok([(value >> 16) as u8, (value >> 8) as u8, value as u8]),
+        _ => Err("a colour is '#rrggbb', e.g. '#3cb44b'".into()),
+    }
+}
+
+/// A finite number above 0.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    match f64::from_str(text) {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("a number above 0 is needed".into()),
+    }
+}
+
+/// A share from 0 to 1.
+pub(super) fn share(text: &str) -> Result<f32, String> {
+    match f32::from_str(text) {
+        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
+        _ => Err("a share is a number from 0 to 1".into()),
+    }
+}
+
+/// A whole number from 1.
+pub(super) fn from_one(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(value) if value >= 1 => Ok(value),
+        _ => Err("a whole number from 1 is needed".into()),
+    }
+}
+
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let fail = || format!("{N} numbers separated by commas are needed, without spaces");
+    let values: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>().ok().filter(|value| value.is_finite()))
+        .collect::<Option<_>>()
+        .ok_or_else(fail)?;
+    values.try_into().map_err(|_| fail())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_read_or_refused() {
+        assert_eq!(point("1.5,2").unwrap(), DVec2::new(1.5, 2.0));
+        assert_eq!(px_box("9,8,1,2").unwrap(), [DVec2::new(1.0, 2.0), DVec2::new(9.0, 8.0)]);
+        assert!(px_box("1,2,1,5").is_err() && point("1").is_err() && point("1,nan").is_err());
+        assert_eq!(color("#3cb44b").unwrap(), [60, 180, 75]);
+        assert!(color("#fff").is_err() && color("red").is_err());
+        assert_eq!(size("480x640").unwrap(), (480, 640));
+        assert!(size("480").is_err() && size("0x9").is_err());
+        assert!(intrinsics("0,1,2,3").is_err() && share("1.2").is_err() && positive("-1").is_err() && from_one("0").is_err());
+    }
+}

@@ -1,0 +1,209 @@
+use std::hash::Hash;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+use rustc_hash::FxHashMap;
+
+/// A value that knows how much memory it keeps.
+pub(super) trait Weigh: Clone {
+    /// Bytes of memory.
+    fn bytes(&self) -> usize;
+}
+
+/// Values by key, the latest used kept within a budget of bytes. Shared by all threads: work to make a value happens
+/// outside the lock, and never twice at once for the same key.
+#[derive(Debug)]
+pub(super) struct Cache<K, V> {
+    state: Mutex<State<K, V>>,
+    changed: Condvar,
+    budget_bytes: usize,
+}
+
+#[derive(Debug)]
+struct State<K, V> {
+    entries: FxHashMap<K, Entry<V>>,
+    bytes: usize,
+    clock: u64,
+}
+
+#[derive(Debug)]
+enum Entry<V> {
+    Loading,
+    Ready { value: V, used: u64 },
+}
+
+impl<K: Hash + Eq + Clone, V: Weigh> Cache<K, V> {
+    pub fn new(budget_bytes: usize) -> Self {
+        let state = State { entries: FxHashMap::default(), bytes: 0, clock: 0 };
+        Self { state: Mutex::new(state), changed: Condvar::new(), budget_bytes }
+    }
+
+    /// The value of `key`, made by `load` when it is not there; waits when another thread is making it.
+    pub fn get<E>(&self, key: &K, load: impl FnOnce() -> Result<V, E>) -> Result<V, E> {
+        if let Some(value) = self.found_or_claimed(key) {
+            return Ok(value);
+        }
+        let claim = Claim { cache: self, key };
+        let value = load()?;
+        claim.fulfil(value.clone());
+        Ok(value)
+    }
+
+    /// The value of `key` if it is there now.
+    pub fn peek(&self, key: &K) -> Option<V> {
+        self.lock().touch(key)
+    }
+
+    /// Bytes kept now; never above the budget.
+    pub fn bytes(&self) -> usize {
+        self.lock().bytes
+    }
+
+    fn found_or_claimed(&self, key: &K) -> Option<V> {
+        let mut state = self.lock();
+        loop {
+            if let Some(value) = state.touch(key) {
+                return Some(value);
+            }
+            if !state.entries.contains_key(key) {
+                state.entries.insert(key.clone(), Entry::Loading);
+                return None;
+            }
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State<K, V>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<K: Hash + Eq + Clone, V: Weigh> State<K, V> {
+    fn touch(&mut self, key: &K) -> Option<V> {
+        self.clock += 1;
+        let now = self.clock;
+        match self.entries.get_mut(key)? {
+            Entry::Ready { value, used } => {
+                *used = now;
+                Some(value.clone())
+            }
+            Entry::Loading => None,
+        }
+    }
+
+    /// Makes room and keeps the value; one that is larger than the whole budget is not kept.
+    fn keep(&mut self, key: &K, value: V, budget_bytes: usize) {
+        let bytes = value.bytes();
+        if bytes > budget_bytes {
+            return;
+        }
+        while self.bytes + bytes > budget_bytes {
+            self.drop_oldest();
+        }
+        self.clock += 1;
+        self.bytes += bytes;
+        self.entries.insert(key.clone(), Entry::Ready { value, used: self.clock });
+    }
+
+    fn drop_oldest(&mut self) {
+        let age = |entry: &Entry<V>| match entry {
+            Entry::Ready { used, .. } => Some(*used),
+            Entry::Loading => None,
+        };
+        let oldest =
+            self.entries.iter().filter_map(|(key, entry)| Some((age(entry)?, key))).min_by_key(|(used, _)| *used);
+        let Some(key) = oldest.map(|(_, key)| key.clone()) else { return };
+        if let Some(Entry::Ready { value, .. }) = self.entries.remove(&key) {
+            self.bytes -= value.bytes();
+        }
+    }
+}
+
+/// The right of one thread to make the value of `key`; given back when it fails or panics.
+struct Claim<'a, K: Hash + Eq + Clone, V: Weigh> {
+    cache: &'a Cache<K, V>,
+    key: &'a K,
+}
+
+impl<K: Hash + Eq + Clone, V: Weigh> Claim<'_, K, V> {
+    fn fulfil(self, value: V) {
+        self.cache.lock().keep(self.key, value, self.cache.budget_bytes);
+    }
+}
+
+impl<K: Hash + Eq + Clone, V: Weigh> Drop for Claim<'_, K, V> {
+    fn drop(&mut self) {
+        let mut state = self.cache.lock();
+        if matches!(state.entries.get(self.key), Some(Entry::Loading)) {
+            state.entries.remove(self.key);
+        }
+        drop(state);
+        self.cache.changed.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+    use std::sync::Barrier;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+
+    #[derive(Debug, Clone, PartialEq)]
+    struct Block(usize);
+
+    impl Weigh for Block {
+        fn bytes(&self) -> usize {
+            self.0
+        }
+    }
+
+    fn fill(cache: &Cache<u32, Block>, key: u32, bytes: usize) {
+        cache.get(&key, || Ok::<_, Infallible>(Block(bytes))).unwrap();
+    }
+
+    #[test]
+    fn the_oldest_goes_first_and_the_budget_holds() {
+        let cache = Cache::new(100);
+        for key in 0..3 {
+            fill(&cache, key, 40);
+            assert!(cache.bytes() <= 100);
+        }
+        assert!(cache.peek(&0).is_none());
+        assert!(cache.peek(&1).is_some());
+        fill(&cache, 3, 40);
+        assert!(cache.peek(&2).is_none(), "1 was used later than 2");
+        fill(&cache, 4, 101);
+        assert!(cache.peek(&4).is_none() && cache.peek(&3).is_some());
+    }
+
+    #[test]
+    fn two_threads_that_ask_at_once_make_one_value() {
+        let (cache, made, start) = (Cache::new(100), AtomicUsize::new(0), Barrier::new(4));
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    start.wait();
+                    let load = || {
+                        made.fetch_add(1, Ordering::SeqCst);
+                        Ok::<_, Infallible>(Block(10))
+                    };
+                    assert_eq!(cache.get(&7, load).unwrap(), Block(10));
+                });
+            }
+        });
+        assert_eq!(made.load(Ordering::SeqCst), 1);
+    }
+
+    #[test]
+    fn a_failed_or_panicked_load_leaves_the_key_free() {
+        let cache = Cache::<u32, Block>::new(100);
+        assert!(cache.get(&1, || Err("damaged")).is_err());
+        let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            let _ = cache.get(&1, || -> Result<Block, Infallible> { panic!("broken decoder") });
+        }));
+        assert!(panicked.is_err());
+        fill(&cache, 1, 10);
+        assert_eq!(cache.bytes(), 10);
+    }
+}

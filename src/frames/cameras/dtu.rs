@@ -1,0 +1,60 @@
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::lines::{TextFile, invalid};
+use super::{CameraKey, GivenCamera, GivenIntrinsics};
+use crate::frames::FrameError;
+use crate::geometry::Pose;
+
+/// Skew over focal length up to which a camera counts as having none.
+pub const LARGEST_SKEW: f64 = 2e-3;
+
+/// The number of a file `pos_NNN.txt`.
+pub fn number_of(path: &Path) -> Option<u64> {
+    path.file_name()?.to_str()?.strip_prefix("pos_")?.strip_suffix(".txt")?.parse().ok()
+}
+
+/// One 3×4 projection matrix a file, `pos_NNN.txt` with NNN from 1, as in the DTU sets; pixel centres at whole numbers.
+pub fn read(files: &[PathBuf]) -> Result<Vec<GivenCamera>, FrameError> {
+    files
+        .iter()
+        .filter_map(|path| Some((path, number_of(path)?)))
+        .map(|(path, number)| read_file(path, number))
+        .collect()
+}
+
+fn read_file(path: &Path, number: u64) -> Result<GivenCamera, FrameError> {
+    let rows: [f64; 12] = TextFile::read(path)?.numbers()?;
+    let (intrinsics, pose) = decompose(&rows).map_err(|what| invalid(path, what))?;
+    Ok(GivenCamera { key: CameraKey::Index(number), intrinsics: Some(intrinsics), camera_from_world: pose })
+}
+
+/// `P = K [R t]` up to scale, taken apart by an RQ decomposition of its left 3×3 part, from the last row up.
+fn decompose(p: &[f64; 12]) -> Result<(GivenIntrinsics, Pose), String> {
+    if p.iter().any(|v| !v.is_finite()) {
+        return Err("the matrix has a value that is not a finite number; remove or repair it".into());
+    }
+    let row = |i: usize| DVec3::new(p[4 * i], p[4 * i + 1], p[4 * i + 2]);
+    let sign = row(0).dot(row(1).cross(row(2))).signum();
+    let scale = sign / row(2).length();
+    let [m1, m2, m3] = [row(0) * scale, row(1) * scale, row(2) * scale];
+    let last = DVec3::new(p[3], p[7], p[11]) * scale;
+    let (r3, cy) = (m3, m2.dot(m3));
+    let fy = (m2 - cy * r3).length();
+    let r2 = (m2 - cy * r3) / fy;
+    let (cx, skew) = (m1.dot(r3), m1.dot(r2));
+    let fx = (m1 - cx * r3 - skew * r2).length();
+    let r1 = (m1 - cx * r3 - skew * r2) / fx;
+    if !(fx > 0.0 && fy > 0.0 && fx.is_finite() && fy.is_finite() && r1.is_finite() && r2.is_finite()) {
+        return Err("the matrix is no projection of a camera; check the file".into());
+    }
+    if skew.abs() > LARGEST_SKEW * fx {
+        return Err("the camera is skewed, which no camera model here is; undistort the pictures".into());
+    }
+    let y = (last.y - cy * last.z) / fy;
+    let translation = DVec3::new((last.x - cx * last.z - skew * y) / fx, y, last.z);
+    let rotation = DMat3::from_cols(r1, r2, r3).transpose();
+    let pose = Pose::from_matrix(rotation, translation).map_err(|error| error.to_string())?;
+    Ok((GivenIntrinsics::pinhole(DVec2::new(fx, fy), DVec2::new(cx + 0.5, cy + 0.5)), pose))
+}

@@ -1,0 +1,111 @@
+use std::path::PathBuf;
+
+use glam::DVec2;
+
+use crate::frames::FrameError;
+use crate::geometry::{Camera, Distortion, Pose};
+
+/// What a given camera says about the frame it belongs to.
+#[derive(Debug, Clone, PartialEq)]
+pub enum CameraKey {
+    /// The picture's name, with or without folders and ending, with `/`.
+    Name(String),
+    /// The picture's number: in its name, or in the order of frames.
+    Index(u64),
+    /// The picture's time in seconds, which its name holds.
+    Time(f64),
+}
+
+/// A given focal length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Focal {
+    /// Along x and y, in pixels of the stored picture.
+    Pixels(DVec2),
+    /// From the full horizontal angle of view in radians.
+    AngleX(f64),
+}
+
+/// Intrinsics of a stored picture as a file gives them: what it leaves out comes from the picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GivenIntrinsics {
+    /// Columns and rows; `None` = those of the picture.
+    pub size: Option<[u32; 2]>,
+    /// Focal lengths.
+    pub focal: Focal,
+    /// Principal point in pixels, centre of the top-left pixel at (0.5, 0.5); `None` = the picture's centre.
+    pub principal_px: Option<DVec2>,
+    /// Lens distortion.
+    pub distortion: Distortion,
+}
+
+/// One camera of a file of cameras.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GivenCamera {
+    /// Which frame it belongs to.
+    pub key: CameraKey,
+    /// `None` where the format holds poses only.
+    pub intrinsics: Option<GivenIntrinsics>,
+    /// Pose of the camera of the stored picture.
+    pub camera_from_world: Pose,
+}
+
+/// All cameras of a file or folder.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GivenCameras {
+    /// Where they were read.
+    pub path: PathBuf,
+    /// In the order of the file.
+    pub cameras: Vec<GivenCamera>,
+}
+
+impl GivenCameras {
+    /// Whether every camera has intrinsics; where not, give them to the frames first ([`super::attach_intrinsics`]).
+    #[must_use]
+    pub fn have_intrinsics(&self) -> bool {
+        self.cameras.iter().all(|camera| camera.intrinsics.is_some())
+    }
+
+    /// A camera per item; an error for none at all.
+    pub(super) fn new(path: PathBuf, cameras: Vec<GivenCamera>) -> Result<Self, FrameError> {
+        if cameras.is_empty() {
+            let what = "holds no cameras; give a file of cameras that were found".into();
+            return Err(FrameError::Invalid { path, what });
+        }
+        Ok(Self { path, cameras })
+    }
+}
+
+impl GivenIntrinsics {
+    /// From an undistorted camera matrix without a size.
+    pub(super) fn pinhole(focal_px: DVec2, principal_px: DVec2) -> Self {
+        let distortion = Distortion::None;
+        Self { size: None, focal: Focal::Pixels(focal_px), principal_px: Some(principal_px), distortion }
+    }
+
+    /// The camera of a stored picture of this size.
+    ///
+    /// # Errors
+    /// What is wrong and what to do: another size, a focal length that cannot be, a value that is no number.
+    pub fn for_picture(&self, width: u32, height: u32) -> Result<Camera, String> {
+        if let Some([w, h]) = self.size
+            && [w, h] != [width, height]
+        {
+            return Err(format!(
+                "the camera is for a picture of {w}x{h}, the picture has {width}x{height}; give pictures and cameras of one size"
+            ));
+        }
+        let (w, h) = (f64::from(width), f64::from(height));
+        let focal_px = match self.focal {
+            Focal::Pixels(focal_px) => focal_px,
+            Focal::AngleX(angle) => DVec2::splat(0.5 * w / (0.5 * angle).tan()),
+        };
+        let principal_px = self.principal_px.unwrap_or(DVec2::new(0.5 * w, 0.5 * h));
+        if !(focal_px.is_finite() && focal_px.min_element() > 0.0 && principal_px.is_finite()) {
+            return Err(format!(
+                "focal lengths {}, {} and principal point {}, {} are no camera; they are given in pixels, focal lengths above 0",
+                focal_px.x, focal_px.y, principal_px.x, principal_px.y
+            ));
+        }
+        Ok(Camera { width, height, focal_px, principal_px, distortion: self.distortion })
+    }
+}

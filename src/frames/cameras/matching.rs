@@ -1,0 +1,225 @@
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::attach::shown_camera;
+use super::lines::invalid;
+use super::{CameraKey, GivenCameras};
+use crate::frames::{Frame, FrameError, PictureSource};
+
+/// Seconds by which a camera's time may differ from its frame's, as in the TUM benchmark's own tools.
+const NEAR_S: f64 = 0.02;
+/// Names listed in a message.
+const NAMED: usize = 4;
+
+impl GivenCameras {
+    /// Gives each frame its camera, turned as the frame's picture is: by full name, then by file name alone where that
+    /// is unique, both with and without ending; by number in the name or order; by time. Give all frames of the source,
+    /// before some are left out, because trajectories without names count them. Poses without intrinsics go with those
+    /// the frame has. Answers with warnings: one that names the frames that have no camera. On an error no frame is
+    /// changed.
+    ///
+    /// # Errors
+    /// [`FrameError::Invalid`] when no frame has a camera; [`FrameError::NotFound`], naming the frame, for a camera of
+    /// another size, missing intrinsics or a mirrored picture.
+    pub fn match_to(&self, frames: &mut [Frame]) -> Result<Vec<String>, FrameError> {
+        let assigned = self.assign(frames);
+        if assigned.iter().all(Option::is_none) && !frames.is_empty() {
+            return Err(invalid(&self.path, self.no_match(frames)));
+        }
+        let mut cameras = Vec::with_capacity(frames.len());
+        for (frame, camera) in frames.iter().zip(&assigned) {
+            let given = camera.map(|i| &self.cameras[i]);
+            let shown = given.map(|c| shown_camera(frame, c.intrinsics.as_ref(), Some(&c.camera_from_world)));
+            cameras.push(shown.transpose()?);
+        }
+        let missing: Vec<&str> =
+            frames.iter().zip(&cameras).filter(|(_, c)| c.is_none()).map(|(f, _)| f.name.as_str()).collect();
+        let warnings = self.warn_of(&missing, frames.len());
+        for (frame, camera) in frames.iter_mut().zip(cameras) {
+            frame.camera = camera.or(frame.camera);
+        }
+        Ok(warnings)
+    }
+
+    fn warn_of(&self, missing: &[&str], count: usize) -> Vec<String> {
+        if missing.is_empty() {
+            return Vec::new();
+        }
+        let names = listed(missing.iter().copied());
+        vec![format!("{} of {count} frames have no camera in {}: {names}", missing.len(), self.path.display())]
+    }
+
+    /// For each frame the index of its camera.
+    fn assign(&self, frames: &[Frame]) -> Vec<Option<usize>> {
+        match self.cameras.first().map(|camera| &camera.key) {
+            None => vec![None; frames.len()],
+            Some(CameraKey::Name(_)) => by_name(
+                &self.keys(|key| match key {
+                    CameraKey::Name(name) => Some(name.as_str()),
+                    _ => None,
+                }),
+                frames,
+            ),
+            Some(CameraKey::Index(_)) => by_number(
+                &self.keys(|key| match key {
+                    CameraKey::Index(index) => Some(*index),
+                    _ => None,
+                }),
+                frames,
+            ),
+            Some(CameraKey::Time(_)) => by_time(
+                &self.keys(|key| match key {
+                    CameraKey::Time(time) => Some(*time),
+                    _ => None,
+                }),
+                frames,
+            ),
+        }
+    }
+
+    fn keys<'a, K>(&'a self, key: impl Fn(&'a CameraKey) -> Option<K>) -> Vec<K> {
+        self.cameras.iter().filter_map(|camera| key(&camera.key)).collect()
+    }
+
+    fn no_match(&self, frames: &[Frame]) -> String {
+        let keys = listed(self.cameras.iter().map(|camera| match &camera.key {
+            CameraKey::Name(name) => name.clone(),
+            CameraKey::Index(index) => format!("number {index}"),
+            CameraKey::Time(time) => format!("time {time}"),
+        }));
+        let names = listed(frames.iter().map(|frame| frame.name.as_str()));
+        format!(
+            "no camera belongs to a frame: the cameras are {keys}, the frames {names}; give the cameras of these pictures"
+        )
+    }
+}
+
+/// The first few names of a list.
+fn listed<S: AsRef<str>>(names: impl ExactSizeIterator<Item = S>) -> String {
+    let more = names.len().saturating_sub(NAMED);
+    let mut text = names.take(NAMED).map(|name| name.as_ref().to_owned()).collect::<Vec<_>>().join(", ");
+    if more > 0 {
+        text.push_str(&format!(" and {more} more"));
+    }
+    text
+}
+
+/// From the most to the least a name says; each level is used only where it is unique on both sides.
+const LEVELS: [fn(&str) -> Option<&str>; 6] = [whole_name, path_alone, last_two, file_alone, stem, first_part];
+
+fn whole_name(name: &str) -> Option<&str> {
+    Some(name)
+}
+
+fn path_alone(name: &str) -> Option<&str> {
+    Some(without_ending(name))
+}
+
+/// Folder and file, where there is a folder.
+fn last_two(name: &str) -> Option<&str> {
+    let mut slashes = name.rmatch_indices('/').map(|(at, _)| at);
+    slashes.next()?;
+    Some(without_ending(slashes.next().map_or(name, |at| &name[at + 1..])))
+}
+
+fn file_alone(name: &str) -> Option<&str> {
+    Some(file_of(name))
+}
+
+fn stem(name: &str) -> Option<&str> {
+    Some(without_ending(file_of(name)))
+}
+
+/// `frame-000123` of `frame-000123.color.png`.
+fn first_part(name: &str) -> Option<&str> {
+    file_of(name).split('.').next()
+}
+
+fn file_of(name: &str) -> &str {
+    name.rsplit('/').next().unwrap_or(name)
+}
+
+/// The name without what follows the last dot of its file.
+fn without_ending(name: &str) -> &str {
+    let file = file_of(name);
+    match file.rfind('.') {
+        Some(dot) if dot > 0 => &name[..name.len() - file.len() + dot],
+        _ => name,
+    }
+}
+
+fn by_name(names: &[&str], frames: &[Frame]) -> Vec<Option<usize>> {
+    let mut assigned = vec![None; frames.len()];
+    for level in LEVELS {
+        let cameras = unique(names.iter().map(|name| level(name)));
+        let of_frames = unique(frames.iter().map(|frame| level(&frame.name)));
+        for (key, frame) in of_frames {
+            if assigned[frame].is_none() {
+                assigned[frame] = cameras.get(key).copied();
+            }
+        }
+    }
+    assigned
+}
+
+/// Where each key stands that occurs once.
+fn unique<'a>(keys: impl Iterator<Item = Option<&'a str>>) -> BTreeMap<&'a str, usize> {
+    let mut places: BTreeMap<&str, Option<usize>> = BTreeMap::new();
+    for (place, key) in keys.enumerate().filter_map(|(place, key)| Some((place, key?))) {
+        places.entry(key).and_modify(|at| *at = None).or_insert(Some(place));
+    }
+    places.into_iter().filter_map(|(key, place)| Some((key, place?))).collect()
+}
+
+/// Numbers in names where they cover all frames; else one camera a frame in order; else numbers counted from another
+/// start; else as many numbers as there are; else the order of frames.
+fn by_number(indices: &[u64], frames: &[Frame]) -> Vec<Option<usize>> {
+    let place: BTreeMap<u64, usize> = indices.iter().enumerate().map(|(place, &index)| (index, place)).collect();
+    let numbers = numbers_in_names(frames, &place);
+    let shifted = |shift: i64| -> Vec<Option<usize>> {
+        let at = |n: &u64| place.get(&n.checked_add_signed(shift)?).copied();
+        numbers.as_ref().map_or_else(|| vec![None; frames.len()], |numbers| numbers.iter().map(at).collect())
+    };
+    let whole = |shift: i64| Some(shifted(shift)).filter(|assigned| assigned.iter().all(Option::is_some));
+    let in_order = || (frames.len() == place.len()).then(|| place.values().copied().map(Some).collect());
+    let some = || Some(shifted(0)).filter(|assigned| assigned.iter().any(Option::is_some));
+    let counted = || (0..frames.len() as u64).map(|n| place.get(&n).copied()).collect();
+    whole(0).or_else(in_order).or_else(|| whole(1)).or_else(|| whole(-1)).or_else(some).unwrap_or_else(counted)
+}
+
+/// One number of each frame's file name, the first or the last: all different, with as many cameras as can be.
+fn numbers_in_names(frames: &[Frame], place: &BTreeMap<u64, usize>) -> Option<Vec<u64>> {
+    let first = |name: &str| numbers_of(name).next();
+    let last = |name: &str| numbers_of(name).last();
+    let all = |pick: &dyn Fn(&str) -> Option<u64>| -> Option<Vec<u64>> {
+        let numbers: Vec<u64> = frames.iter().map(|f| pick(file_of(&f.name))).collect::<Option<_>>()?;
+        (numbers.iter().collect::<BTreeSet<_>>().len() == numbers.len()).then_some(numbers)
+    };
+    let fitting = |numbers: &Vec<u64>| numbers.iter().filter(|n| place.contains_key(n)).count();
+    [all(&last), all(&first)].into_iter().flatten().max_by_key(fitting)
+}
+
+fn numbers_of(file: &str) -> impl Iterator<Item = u64> {
+    without_ending(file).split(|c: char| !c.is_ascii_digit()).filter_map(|digits| digits.parse().ok())
+}
+
+fn by_time(times: &[f64], frames: &[Frame]) -> Vec<Option<usize>> {
+    let mut order: Vec<usize> = (0..times.len()).collect();
+    order.sort_by(|&a, &b| times[a].total_cmp(&times[b]));
+    let nearest = |time: f64| {
+        let after = order.partition_point(|&i| times[i] < time);
+        let around = [after.checked_sub(1), Some(after)];
+        let near = around.into_iter().flatten().filter_map(|at| order.get(at).copied());
+        near.min_by(|&a, &b| (times[a] - time).abs().total_cmp(&(times[b] - time).abs()))
+            .filter(|&i| (times[i] - time).abs() <= NEAR_S)
+    };
+    frames.iter().map(|frame| time_of(frame).and_then(nearest)).collect()
+}
+
+/// The time that a frame's name ends in, or its time in a film.
+fn time_of(frame: &Frame) -> Option<f64> {
+    if let PictureSource::Film { time_s, .. } = frame.picture {
+        return Some(time_s);
+    }
+    let name = without_ending(file_of(&frame.name));
+    name.rsplit(|c: char| !(c.is_ascii_digit() || c == '.')).next()?.parse().ok()
+}

@@ -1,0 +1,30 @@
+//! Given cameras: one file per format, matched to frames by name, number or time.
+//!
+//! May use: geometry, the frames' nouns. Must not touch: pixels, labels, GPU.
+//!
+//! Cameras refer to pictures as stored; they are turned with the picture when attached to a frame, and back when written.
+
+mod attach;
+mod colmap_binary;
+mod colmap_model;
+mod colmap_points;
+mod colmap_text;
+mod colmap_write;
+mod detect;
+mod dtu;
+mod given;
+mod lines;
+mod matching;
+mod middlebury;
+mod pose_files;
+mod trajectory_log;
+mod transforms;
+mod tum;
+
+pub use attach::attach_intrinsics;
+pub use colmap_points::{SparsePoint, read_sparse_points};
+pub use colmap_write::write_colmap_model;
+pub use given::{CameraKey, Focal, GivenCamera, GivenCameras, GivenIntrinsics};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,19 @@
+use std::path::PathBuf;
+
+use super::lines::{TextFile, pose_from_rows};
+use super::{CameraKey, GivenCamera};
+use crate::frames::FrameError;
+
+/// One 4×4 matrix a file, camera-to-world, as in 7-Scenes (`frame-000123.pose.txt`): the file's name is the picture's.
+pub fn read(files: &[PathBuf]) -> Result<Vec<GivenCamera>, FrameError> {
+    let mut cameras = Vec::with_capacity(files.len());
+    for path in files {
+        let rows: [f64; 16] = TextFile::read(path)?.numbers()?;
+        let pose = pose_from_rows(&rows).map_err(|source| FrameError::Geometry { path: path.clone(), source })?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let name = name.strip_suffix(".txt").unwrap_or(&name);
+        let key = CameraKey::Name(name.strip_suffix(".pose").unwrap_or(name).to_owned());
+        cameras.push(GivenCamera { key, intrinsics: None, camera_from_world: pose.inverse() });
+    }
+    Ok(cameras)
+}

@@ -1,0 +1,20 @@
+use glam::DVec3;
+
+use super::lines::{TextFile, pose_from_quaternion};
+use super::{CameraKey, GivenCamera};
+use crate::frames::FrameError;
+
+/// A trajectory of the TUM RGB-D benchmark: `timestamp tx ty tz qx qy qz qw` a line, camera-to-world.
+pub fn read(file: &TextFile) -> Result<Vec<GivenCamera>, FrameError> {
+    let mut cameras = Vec::new();
+    for line in file.content() {
+        let [time, tx, ty, tz, qx, qy, qz, qw] = line.array()?;
+        let pose = pose_from_quaternion([qx, qy, qz, qw], DVec3::new(tx, ty, tz))
+            .map_err(|error| line.error(&error.to_string()))?;
+        if !time.is_finite() {
+            return Err(line.error("the time is not a finite number; remove or repair the line"));
+        }
+        cameras.push(GivenCamera { key: CameraKey::Time(time), intrinsics: None, camera_from_world: pose.inverse() });
+    }
+    Ok(cameras)
+}

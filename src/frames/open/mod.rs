@@ -1,0 +1,18 @@
+//! From what the user names (folders, pictures, films, depth) to frames in project order.
+//!
+//! May use: the nouns of frames. Must not touch: pixels beyond headers, cameras.
+
+mod assemble;
+mod depth;
+mod layout;
+mod listing;
+mod naming;
+mod natural;
+mod pairing;
+mod request;
+mod source;
+mod tum;
+
+pub use assemble::open;
+pub use natural::natural_order;
+pub use request::{FrameFolder, OpenRequest, Opened};

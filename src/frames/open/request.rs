@@ -1,0 +1,52 @@
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::frames::Frame;
+
+/// What to open: one source after another, thinned.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct OpenRequest {
+    /// Folders, single pictures and films, in order.
+    pub sources: Vec<FrameFolder>,
+    /// World units (metres) per step of the 16-bit depth value; > 0.
+    pub depth_unit: f64,
+    /// Takes every so-many-th source frame; ≥ 1.
+    pub every: usize,
+    /// The first source frame to take, counted from 0 over all sources; `None` = the first of all.
+    pub from: Option<usize>,
+    /// The last source frame that may be taken, itself included; `None` = the last of all.
+    pub to: Option<usize>,
+}
+
+impl Default for OpenRequest {
+    fn default() -> Self {
+        Self { sources: Vec::new(), depth_unit: 0.001, every: 1, from: None, to: None }
+    }
+}
+
+/// One place that frames come from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FrameFolder {
+    /// A folder (read with its subfolders), a single picture, or a film.
+    pub frames: PathBuf,
+    /// The folder (or single file) of 16-bit depth pictures that belong to it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth: Option<PathBuf>,
+}
+
+impl From<PathBuf> for FrameFolder {
+    fn from(frames: PathBuf) -> Self {
+        Self { frames, depth: None }
+    }
+}
+
+/// Frames in project order and what the user should know about them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Opened {
+    /// Names are unique; sizes are as shown.
+    pub frames: Vec<Frame>,
+    /// One line each.
+    pub warnings: Vec<String>,
+}

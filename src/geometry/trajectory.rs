@@ -1,0 +1,127 @@
+use glam::DVec3;
+use serde::Serialize;
+
+use super::{Alignment, GeometryError, Pose, Similarity};
+
+/// Statistics of a list of errors, all ≥ 0; zeros for an empty list.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct ErrorStatistics {
+    /// Root of the mean square.
+    pub rmse: f64,
+    /// Mean.
+    pub mean: f64,
+    /// Median; of an even number the mean of the middle two.
+    pub median: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl ErrorStatistics {
+    /// Statistics of `errors`, whose order does not matter.
+    #[must_use]
+    pub fn of(errors: &[f64]) -> Self {
+        if errors.is_empty() {
+            return Self::default();
+        }
+        let mut sorted = errors.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let count = sorted.len();
+        Self {
+            rmse: (sorted.iter().map(|e| e * e).sum::<f64>() / count as f64).sqrt(),
+            mean: sorted.iter().sum::<f64>() / count as f64,
+            median: f64::midpoint(sorted[(count - 1) / 2], sorted[count / 2]),
+            max: sorted[count - 1],
+        }
+    }
+}
+
+/// How far a list of cameras is from the true one.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TrajectoryError {
+    /// Number of cameras compared.
+    pub count: usize,
+    /// `truth_world_from_result_world` that was applied before comparing.
+    pub alignment: Similarity,
+    /// Distances between camera centres, in units of the truth.
+    pub centre: ErrorStatistics,
+    /// Angles between camera rotations in degrees.
+    pub rotation_deg: ErrorStatistics,
+    /// The largest distance of a true centre from their centroid: what centre errors are set in relation to.
+    pub extent: f64,
+}
+
+impl TrajectoryError {
+    /// Compares `result[i]` with `truth[i]` (both `camera_from_world`) after laying the centres onto each other.
+    ///
+    /// # Errors
+    /// As [`Similarity::align`] for the camera centres.
+    pub fn between(result: &[Pose], truth: &[Pose], alignment: Alignment) -> Result<Self, GeometryError> {
+        let centres = |poses: &[Pose]| poses.iter().map(Pose::centre).collect::<Vec<DVec3>>();
+        let (result_centres, truth_centres) = (centres(result), centres(truth));
+        let alignment = Similarity::align(&result_centres, &truth_centres, alignment)?;
+        let aligned: Vec<Pose> = result.iter().map(|pose| alignment.transform_camera(pose)).collect();
+        let distances: Vec<f64> = aligned.iter().zip(&truth_centres).map(|(a, t)| a.centre().distance(*t)).collect();
+        let angles: Vec<f64> = aligned.iter().zip(truth).map(|(a, t)| rotation_angle_deg(a, t)).collect();
+        let centroid = truth_centres.iter().sum::<DVec3>() / truth_centres.len().max(1) as f64;
+        Ok(Self {
+            count: result.len(),
+            alignment,
+            centre: ErrorStatistics::of(&distances),
+            rotation_deg: ErrorStatistics::of(&angles),
+            extent: truth_centres.iter().map(|c| c.distance(centroid)).fold(0.0, f64::max),
+        })
+    }
+}
+
+/// Angle between two rotations in degrees; exact for small angles too.
+fn rotation_angle_deg(a: &Pose, b: &Pose) -> f64 {
+    let between = a.rotation.conjugate() * b.rotation;
+    (2.0 * between.xyz().length().atan2(between.w.abs())).to_degrees()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DQuat;
+
+    fn circle() -> Vec<Pose> {
+        (0..12)
+            .map(|i| {
+                let rotation = DQuat::from_rotation_y(0.5 * f64::from(i)) * DQuat::from_rotation_x(0.1 * f64::from(i));
+                Pose { rotation, translation: DVec3::new(0.1 * f64::from(i), 0.0, 2.0) }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_moved_and_scaled_trajectory_is_without_error_only_after_sim3() {
+        let truth = circle();
+        let world =
+            Similarity { scale: 0.25, rotation: DQuat::from_rotation_x(1.2), translation: DVec3::new(5.0, 6.0, 7.0) };
+        let result: Vec<Pose> = truth.iter().map(|pose| world.transform_camera(pose)).collect();
+        let error = TrajectoryError::between(&result, &truth, Alignment::Sim3).unwrap();
+        assert!(error.centre.max < 1e-9 && error.rotation_deg.max < 1e-6, "{error:?}");
+        assert!((error.alignment.scale - 4.0).abs() < 1e-9);
+        let rigid = TrajectoryError::between(&result, &truth, Alignment::Se3).unwrap();
+        assert!(rigid.centre.rmse > 0.1 && rigid.rotation_deg.max < 1e-6);
+        assert!(TrajectoryError::between(&result, &truth, Alignment::None).unwrap().rotation_deg.mean > 10.0);
+    }
+
+    #[test]
+    fn one_camera_off_shows_in_the_statistics() {
+        let truth = circle();
+        let mut result = truth.clone();
+        let turn = Pose { rotation: DQuat::from_rotation_z(2f64.to_radians()), translation: DVec3::ZERO };
+        result[3] = turn.compose(&result[3]);
+        let error = TrajectoryError::between(&result, &truth, Alignment::None).unwrap();
+        assert!((error.rotation_deg.max - 2.0).abs() < 1e-9 && error.rotation_deg.median < 1e-9);
+        assert!((error.rotation_deg.mean - 2.0 / 12.0).abs() < 1e-9 && error.centre.max < 1e-12);
+    }
+
+    #[test]
+    fn statistics_by_hand() {
+        let statistics = ErrorStatistics::of(&[4.0, 1.0, 2.0, 1.0]);
+        assert_eq!((statistics.mean, statistics.median, statistics.max), (2.0, 1.5, 4.0));
+        assert!((statistics.rmse - 5.5f64.sqrt()).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,147 @@
+use glam::{DMat2, DQuat, DVec2, DVec3, Vec2Swizzles};
+
+use super::{Camera, GeometryError, Pose};
+
+/// A turn of a picture by quarters, as a viewer sees it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Turn {
+    /// Not turned.
+    #[default]
+    None,
+    /// 90° clockwise.
+    Clockwise,
+    /// 180°.
+    Half,
+    /// 90° anticlockwise.
+    Anticlockwise,
+}
+
+impl Turn {
+    /// The turn that EXIF orientation `orientation` (1 to 8) asks for to show a stored picture upright.
+    ///
+    /// # Errors
+    /// [`GeometryError::Mirrored`] for 2, 4, 5 and 7, and for what is no orientation: no pose mirrors a picture.
+    pub fn from_exif(orientation: u8) -> Result<Self, GeometryError> {
+        match orientation {
+            1 => Ok(Self::None),
+            3 => Ok(Self::Half),
+            6 => Ok(Self::Clockwise),
+            8 => Ok(Self::Anticlockwise),
+            _ => Err(GeometryError::Mirrored { orientation }),
+        }
+    }
+
+    /// The turn back.
+    #[must_use]
+    pub fn inverse(self) -> Self {
+        match self {
+            Self::Clockwise => Self::Anticlockwise,
+            Self::Anticlockwise => Self::Clockwise,
+            Self::None | Self::Half => self,
+        }
+    }
+
+    /// The turn of the plane z = 1 (x right, y down).
+    fn matrix(self) -> DMat2 {
+        match self {
+            Self::None => DMat2::IDENTITY,
+            Self::Clockwise => DMat2::from_cols(DVec2::Y, DVec2::NEG_X),
+            Self::Half => DMat2::from_diagonal(DVec2::NEG_ONE),
+            Self::Anticlockwise => DMat2::from_cols(DVec2::NEG_Y, DVec2::X),
+        }
+    }
+
+    /// `turned_camera_from_camera`.
+    #[must_use]
+    pub fn pose(self) -> Pose {
+        let h = std::f64::consts::FRAC_1_SQRT_2;
+        let rotation = match self {
+            Self::None => DQuat::IDENTITY,
+            Self::Clockwise => DQuat::from_xyzw(0.0, 0.0, h, h),
+            Self::Half => DQuat::from_xyzw(0.0, 0.0, 1.0, 0.0),
+            Self::Anticlockwise => DQuat::from_xyzw(0.0, 0.0, -h, h),
+        };
+        Pose { rotation, translation: DVec3::ZERO }
+    }
+}
+
+impl Camera {
+    /// The intrinsics of the picture after the turn. The pose changes with it: [`Pose::turned`].
+    #[must_use]
+    pub fn turned(&self, turn: Turn) -> Self {
+        let (w, h) = (f64::from(self.width), f64::from(self.height));
+        let principal_px = match turn {
+            Turn::None => return *self,
+            Turn::Clockwise => DVec2::new(h - self.principal_px.y, self.principal_px.x),
+            Turn::Half => DVec2::new(w, h) - self.principal_px,
+            Turn::Anticlockwise => DVec2::new(self.principal_px.y, w - self.principal_px.x),
+        };
+        let quarter = turn != Turn::Half;
+        let (width, height) = if quarter { (self.height, self.width) } else { (self.width, self.height) };
+        let focal_px = if quarter { self.focal_px.yx() } else { self.focal_px };
+        Self { width, height, focal_px, principal_px, distortion: self.distortion.rotated(turn.matrix()) }
+    }
+}
+
+impl Pose {
+    /// `camera_from_world` of the camera after its picture was turned.
+    #[must_use]
+    pub fn turned(&self, turn: Turn) -> Self {
+        if turn == Turn::None { *self } else { turn.pose().compose(self) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Distortion;
+
+    fn camera() -> Camera {
+        Camera {
+            distortion: Distortion::ThinPrismFisheye {
+                k: [0.02, -0.01, 0.003, 0.001],
+                p: [0.004, -0.007],
+                s: [0.003, 0.005],
+            },
+            ..Camera::pinhole(640, 480, 500.0, 520.0, 310.0, 250.0)
+        }
+    }
+
+    #[test]
+    fn a_turned_camera_sees_the_turned_picture() {
+        let (camera, pose) = (camera(), Pose { rotation: DQuat::from_rotation_y(0.2), translation: DVec3::Z });
+        let x_in_world = DVec3::new(0.3, -0.4, 1.1);
+        let stored = camera.project(pose.transform(x_in_world)).unwrap();
+        let shown_at = |turn: Turn| camera.turned(turn).project(pose.turned(turn).transform(x_in_world)).unwrap();
+        let expected = [
+            (Turn::None, stored),
+            (Turn::Clockwise, DVec2::new(480.0 - stored.y, stored.x)),
+            (Turn::Half, DVec2::new(640.0 - stored.x, 480.0 - stored.y)),
+            (Turn::Anticlockwise, DVec2::new(stored.y, 640.0 - stored.x)),
+        ];
+        for (turn, at_px) in expected {
+            assert!(shown_at(turn).abs_diff_eq(at_px, 1e-9), "{turn:?}: {} is not {at_px}", shown_at(turn));
+        }
+    }
+
+    #[test]
+    fn turning_back_restores_the_camera() {
+        for turn in [Turn::None, Turn::Clockwise, Turn::Half, Turn::Anticlockwise] {
+            assert_eq!(camera().turned(turn).turned(turn.inverse()), camera());
+            let pose = Pose { rotation: DQuat::from_rotation_x(0.4), translation: DVec3::ONE };
+            let back = pose.turned(turn).turned(turn.inverse());
+            assert!(
+                back.rotation.abs_diff_eq(pose.rotation, 1e-15) || back.rotation.abs_diff_eq(-pose.rotation, 1e-15)
+            );
+            assert!(back.translation.abs_diff_eq(pose.translation, 1e-15));
+        }
+    }
+
+    #[test]
+    fn mirrored_orientations_are_refused() {
+        for orientation in [0, 2, 4, 5, 7, 9] {
+            assert!(Turn::from_exif(orientation).is_err());
+        }
+        assert_eq!(Turn::from_exif(6), Ok(Turn::Clockwise));
+    }
+}

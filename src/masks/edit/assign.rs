@@ -1,0 +1,103 @@
+use serde::{Deserialize, Serialize};
+
+use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, Region};
+
+/// What painting does where another label is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PaintRule {
+    /// Other labels keep their pixels; only a part takes from its own ancestors, whose pixels it remains.
+    #[default]
+    Protect,
+    /// Other labels are painted over.
+    Replace,
+}
+
+/// Gives the pixels of a region to a label; returns how many changed.
+///
+/// # Errors
+/// [`MaskError::Request`] when the region has another size than the mask.
+pub fn assign(
+    mask: &mut LabelMask,
+    region: &Region,
+    label: LabelId,
+    rule: PaintRule,
+    tree: &LabelTree,
+) -> Result<usize, MaskError> {
+    region.check_size(mask.width, mask.height)?;
+    let yields = yielding(label, &[], tree);
+    let may = |at: LabelId| rule == PaintRule::Replace || yields.contains(&at);
+    let targets = mask.ids.iter_mut().zip(&region.inside).filter(|(at, inside)| **inside && **at != label && may(**at));
+    Ok(targets.map(|(at, _)| *at = label).count())
+}
+
+/// Takes labels off the pixels of a region: `only` that one, or all; returns how many pixels changed.
+///
+/// # Errors
+/// [`MaskError::Request`] when the region has another size than the mask.
+pub fn erase(mask: &mut LabelMask, region: &Region, only: Option<LabelId>) -> Result<usize, MaskError> {
+    region.check_size(mask.width, mask.height)?;
+    let goes = |at: LabelId| at != LabelId::NONE && only.is_none_or(|only| only == at);
+    let targets = mask.ids.iter_mut().zip(&region.inside).filter(|(at, inside)| **inside && goes(**at));
+    Ok(targets.map(|(at, _)| *at = LabelId::NONE).count())
+}
+
+/// Labels whose pixels `label` may take: nothing, its ancestors, and those named.
+pub(super) fn yielding(label: LabelId, replaceable: &[LabelId], tree: &LabelTree) -> Vec<LabelId> {
+    let mut yields = tree.path(label);
+    yields.push(LabelId::NONE);
+    yields.extend_from_slice(replaceable);
+    yields
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::tests::{frame, tree};
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn protected_labels_never_change((mask, region) in frame(), id in 1u16..6) {
+            let (label, tree) = (LabelId(id), tree());
+            let mut painted = mask.clone();
+            let changed = assign(&mut painted, &region, label, PaintRule::Protect, &tree).unwrap();
+            let mut counted = 0;
+            for (at, (&before, &after)) in mask.ids.iter().zip(&painted.ids).enumerate() {
+                let free = before == LabelId::NONE || tree.is_ancestor(before, label);
+                prop_assert_eq!(after, if region.inside[at] && free { label } else { before });
+                counted += usize::from(before != after);
+            }
+            prop_assert_eq!(changed, counted);
+        }
+
+        #[test]
+        fn replacing_takes_all_of_the_region_and_no_more((mask, region) in frame(), id in 1u16..6) {
+            let mut painted = mask.clone();
+            assign(&mut painted, &region, LabelId(id), PaintRule::Replace, &tree()).unwrap();
+            for (at, (&before, &after)) in mask.ids.iter().zip(&painted.ids).enumerate() {
+                prop_assert_eq!(after, if region.inside[at] { LabelId(id) } else { before });
+            }
+        }
+
+        #[test]
+        fn the_eraser_takes_one_label_or_all((mask, region) in frame(), id in 1u16..6) {
+            let (mut one, mut all) = (mask.clone(), mask.clone());
+            erase(&mut one, &region, Some(LabelId(id))).unwrap();
+            erase(&mut all, &region, None).unwrap();
+            for (at, &before) in mask.ids.iter().enumerate() {
+                let gone = region.inside[at];
+                prop_assert_eq!(one.ids[at], if gone && before == LabelId(id) { LabelId::NONE } else { before });
+                prop_assert_eq!(all.ids[at], if gone { LabelId::NONE } else { before });
+            }
+        }
+    }
+
+    #[test]
+    fn a_region_of_another_size_is_refused() {
+        let mut mask = LabelMask::empty(4, 4);
+        assert!(assign(&mut mask, &Region::empty(4, 3), LabelId(1), PaintRule::Replace, &tree()).is_err());
+        assert!(erase(&mut mask, &Region::empty(2, 8), None).is_err());
+    }
+}

@@ -1,0 +1,17 @@
+//! Changing masks by hand: brush, eraser, polygon, and a segmenter's answer put into a frame's mask.
+//!
+//! May use: masks. Must not touch: files, cameras, 3-D, UI.
+
+mod assign;
+mod brush;
+mod compose;
+mod polygon;
+
+pub use assign::{PaintRule, assign, erase};
+pub use brush::stroke;
+pub use compose::{compose, taken_by_others};
+pub use polygon::fill_polygons;
+pub(super) use polygon::polygon_spans;
+
+#[cfg(test)]
+mod tests;

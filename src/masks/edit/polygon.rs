@@ -1,0 +1,127 @@
+use std::ops::Range;
+
+use glam::DVec2;
+
+use crate::masks::{MaskError, Region};
+
+/// The pixels whose centres lie inside closed polygons by the even-odd rule over all of them together (so a ring inside
+/// another is a hole). Corners are in pixels and may lie outside the frame; a side through a pixel's centre counts for
+/// the pixel on its right or below.
+///
+/// # Errors
+/// [`MaskError::Request`] for corners that are not numbers.
+pub fn fill_polygons(width: u32, height: u32, rings: &[Vec<DVec2>]) -> Result<Region, MaskError> {
+    let mut region = Region::empty(width, height);
+    polygon_spans(width, height, rings, |pixels| region.inside[pixels].fill(true))?;
+    Ok(region)
+}
+
+/// The stretches of pixels (places in the frame's pixels row by row) that [`fill_polygons`] fills; only rows that the
+/// polygons reach are looked at.
+///
+/// # Errors
+/// As [`fill_polygons`].
+pub(in crate::masks) fn polygon_spans(
+    width: u32,
+    height: u32,
+    rings: &[Vec<DVec2>],
+    mut emit: impl FnMut(Range<usize>),
+) -> Result<(), MaskError> {
+    let (width, height) = (width as usize, height as usize);
+    rings.iter().try_for_each(|ring| check_points(ring))?;
+    let heights = || rings.iter().flatten().map(|corner| corner.y);
+    let top = first_from(heights().fold(f64::INFINITY, f64::min), height);
+    let bottom = first_from(heights().fold(f64::NEG_INFINITY, f64::max), height);
+    let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); bottom.saturating_sub(top)];
+    for ring in rings {
+        for (at, &corner) in ring.iter().enumerate() {
+            add_crossings(&mut crossings, top, corner, ring[(at + 1) % ring.len()]);
+        }
+    }
+    for (row, crossings) in (top..).zip(&mut crossings) {
+        crossings.sort_unstable_by(f64::total_cmp);
+        for pair in crossings.chunks_exact(2) {
+            let columns = first_from(pair[0], width)..first_from(pair[1], width);
+            emit(row * width + columns.start..row * width + columns.end);
+        }
+    }
+    Ok(())
+}
+
+/// Fails on a coordinate that is not a finite number.
+pub(super) fn check_points(points: &[DVec2]) -> Result<(), MaskError> {
+    if points.iter().all(|point| point.is_finite()) {
+        return Ok(());
+    }
+    Err(MaskError::Request("a point of the drawing is not a number; draw it anew".into()))
+}
+
+/// Columns of the pixels whose centres lie in `left..=right`.
+pub(super) fn columns_between(left: f64, right: f64, width: usize) -> Range<usize> {
+    let start = first_from(left, width);
+    let end = (right + 0.5).floor().clamp(0.0, width as f64) as usize;
+    start..end.max(start)
+}
+
+/// First of `count` columns (or rows) whose pixel centres are at `edge` or beyond.
+fn first_from(edge: f64, count: usize) -> usize {
+    (edge - 0.5).ceil().clamp(0.0, count as f64) as usize
+}
+
+/// Where a side crosses the lines through the pixel centres of the rows from `top` on; lower ends are left out, so that a corner on
+/// the line counts once.
+fn add_crossings(crossings: &mut [Vec<f64>], top: usize, from: DVec2, to: DVec2) {
+    // The same order for both ways of a side, so that a seam walked there and back cancels exactly.
+    let (a, b) = if (from.y, from.x) <= (to.y, to.x) { (from, to) } else { (to, from) };
+    let bottom = top + crossings.len();
+    for row in first_from(a.y, bottom)..first_from(b.y, bottom) {
+        let share = (row as f64 + 0.5 - a.y) / (b.y - a.y);
+        crossings[row - top].push(a.x + share * (b.x - a.x));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Vec<DVec2> {
+        [(x0, y0), (x1, y0), (x1, y1), (x0, y1)].map(|(x, y)| DVec2::new(x, y)).to_vec()
+    }
+
+    #[test]
+    fn a_ring_inside_is_a_hole() {
+        let region = fill_polygons(8, 6, &[rectangle(1.0, 1.0, 7.0, 5.0), rectangle(3.0, 2.0, 5.0, 4.0)]).unwrap();
+        assert_eq!(region.area(), 24 - 4);
+        assert!(region.at(1, 1) && region.at(6, 4) && !region.at(3, 2) && !region.at(7, 5));
+    }
+
+    #[test]
+    fn pixels_are_decided_by_their_centres() {
+        assert_eq!(fill_polygons(4, 1, &[rectangle(0.6, 0.0, 2.4, 1.0)]).unwrap().inside, [false, true, false, false]);
+        assert_eq!(fill_polygons(4, 1, &[rectangle(0.5, 0.0, 2.5, 1.0)]).unwrap().inside, [true, true, false, false]);
+        assert_eq!(fill_polygons(4, 4, &[rectangle(-1e9, -1e9, 1e9, 1e9)]).unwrap().area(), 16);
+        assert!(fill_polygons(4, 4, &[vec![DVec2::ZERO, DVec2::X]]).unwrap().is_empty());
+        assert!(fill_polygons(4, 4, &[vec![DVec2::splat(f64::NAN)]]).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn agrees_with_the_winding_test(
+            corners in prop::collection::vec((-3.0f64..15.0, -3.0f64..13.0).prop_map(|(x, y)| DVec2::new(x, y)), 3..9),
+        ) {
+            let region = fill_polygons(12, 10, std::slice::from_ref(&corners)).unwrap();
+            for y in 0..10 {
+                for x in 0..12 {
+                    let p = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+                    let sides = corners.iter().zip(corners.iter().cycle().skip(1));
+                    let crossed = sides.filter(|(a, b)| {
+                        (a.y > p.y) != (b.y > p.y) && p.x < (b.x - a.x) * (p.y - a.y) / (b.y - a.y) + a.x
+                    });
+                    prop_assert_eq!(region.at(x, y), crossed.count() % 2 == 1);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,118 @@
+use super::MaskError;
+
+/// The pixels of one object on one frame.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Region {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width · height` flags, row by row.
+    pub inside: Vec<bool>,
+}
+
+impl Region {
+    /// A region without pixels.
+    #[must_use]
+    pub fn empty(width: u32, height: u32) -> Self {
+        Self { width, height, inside: vec![false; width as usize * height as usize] }
+    }
+
+    /// Whether column `x`, row `y` is inside.
+    #[must_use]
+    pub fn at(&self, x: u32, y: u32) -> bool {
+        self.inside[y as usize * self.width as usize + x as usize]
+    }
+
+    /// Number of pixels inside.
+    #[must_use]
+    pub fn area(&self) -> usize {
+        self.inside.iter().filter(|&&inside| inside).count()
+    }
+
+    /// Whether no pixel is inside.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        !self.inside.contains(&true)
+    }
+
+    /// Adds the pixels of `other`, a region of the same frame.
+    pub fn unite(&mut self, other: &Self) {
+        self.combine(other, |a, b| a | b);
+    }
+
+    /// Keeps only pixels that `other`, a region of the same frame, has too.
+    pub fn intersect(&mut self, other: &Self) {
+        self.combine(other, |a, b| a & b);
+    }
+
+    /// Takes away the pixels of `other`, a region of the same frame.
+    pub fn subtract(&mut self, other: &Self) {
+        self.combine(other, |a, b| a & !b);
+    }
+
+    /// Keeps the pixels that only one of the two has; `other` is a region of the same frame.
+    pub fn differ(&mut self, other: &Self) {
+        self.combine(other, |a, b| a ^ b);
+    }
+
+    /// The pixels outside.
+    #[must_use]
+    pub fn inverted(&self) -> Self {
+        Self { width: self.width, height: self.height, inside: self.inside.iter().map(|&inside| !inside).collect() }
+    }
+
+    /// Intersection over union with a region of the same frame; 1 when both are empty.
+    #[must_use]
+    pub fn iou(&self, other: &Self) -> f64 {
+        debug_assert_eq!((self.width, self.height), (other.width, other.height), "regions of one frame");
+        let (mut common, mut either) = (0usize, 0usize);
+        for (&a, &b) in self.inside.iter().zip(&other.inside) {
+            common += usize::from(a & b);
+            either += usize::from(a | b);
+        }
+        if either == 0 { 1.0 } else { common as f64 / either as f64 }
+    }
+
+    /// Fails unless the region has the size that is asked for.
+    pub(super) fn check_size(&self, width: u32, height: u32) -> Result<(), MaskError> {
+        if (self.width, self.height) == (width, height) {
+            return Ok(());
+        }
+        Err(MaskError::Request(format!(
+            "an answer of {}×{} pixels does not fit a frame of {width}×{height}; segment the frame anew",
+            self.width, self.height
+        )))
+    }
+
+    fn combine(&mut self, other: &Self, join: impl Fn(bool, bool) -> bool) {
+        debug_assert_eq!((self.width, self.height), (other.width, other.height), "regions of one frame");
+        for (a, &b) in self.inside.iter_mut().zip(&other.inside) {
+            *a = join(*a, b);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boolean_operations() {
+        let a = Region { width: 4, height: 1, inside: vec![true, true, false, false] };
+        let b = Region { width: 4, height: 1, inside: vec![true, false, true, false] };
+        let after = |operation: fn(&mut Region, &Region)| {
+            let mut region = a.clone();
+            operation(&mut region, &b);
+            region.inside
+        };
+        assert_eq!(after(Region::unite), [true, true, true, false]);
+        assert_eq!(after(Region::intersect), [true, false, false, false]);
+        assert_eq!(after(Region::subtract), [false, true, false, false]);
+        assert_eq!(after(Region::differ), [false, true, true, false]);
+        assert_eq!(a.inverted().inside, [false, false, true, true]);
+        assert!((a.iou(&b) - 1.0 / 3.0).abs() < 1e-12);
+        assert!((Region::empty(4, 1).iou(&Region::empty(4, 1)) - 1.0).abs() < 1e-12);
+        assert!(Region::empty(4, 1).is_empty() && !a.is_empty());
+    }
+}

@@ -1,0 +1,20 @@
+//! Labelled clouds in PLY files: our own form out, anybody's form in.
+//!
+//! Written: binary little-endian, `x y z nx ny nz` float, `red green blue` uchar, `label` ushort, `confidence` float;
+//! `comment label ID PARENT NAME` (PARENT 0 = none) and `comment color ID RRGGBB` for each label.
+//!
+//! May use: masks, engine::job, ply-rs. Must not touch: frames, UI.
+
+mod ascii;
+mod header;
+mod names;
+mod read;
+mod split;
+#[cfg(test)]
+mod tests;
+mod vertex;
+mod write;
+
+pub use read::{PlyCloud, read_ply};
+pub use split::{LabelPart, save_per_label, split_by_label, twin_path};
+pub use write::{Coloring, save_ply, write_ply};

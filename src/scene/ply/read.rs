@@ -1,0 +1,229 @@
+use std::fs::File;
+use std::io::{BufRead, BufReader, ErrorKind};
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use ply_rs::parser::Parser;
+use ply_rs::ply::{ElementDef, Encoding};
+
+use super::ascii;
+use super::header::{Layout, first_line};
+use super::names::tree_from_comments;
+use super::vertex::{Slot, Vertex};
+use crate::engine::job::Progress;
+use crate::masks::LabelId;
+use crate::scene::cloud::name_unknown_labels;
+use crate::scene::{LabelledCloud, SceneError};
+
+/// Points between two looks at the stop sign.
+const STRIDE: usize = 1 << 16;
+
+/// A cloud read from a PLY file, and what the file had.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlyCloud {
+    /// The points. Grey where the file has no colours; normals zero, labels 0 where it has none; confidence 1 for a
+    /// labelled point where it has none. Ids without a name in the file have a label named after the number.
+    pub cloud: LabelledCloud,
+    /// Whether the file has labels.
+    pub has_labels: bool,
+    /// Whether the file has normals.
+    pub has_normals: bool,
+    /// Whether the file has colours.
+    pub has_colors: bool,
+    /// What the user should know: points dropped because their position is no finite number (organised clouds mark
+    /// holes so), positions that lose digits in 32 bits.
+    pub warnings: Vec<String>,
+}
+
+/// Reads the vertices of a PLY file: ASCII or binary of either byte order, properties in any order and type, labels
+/// under any of the usual names (`label`, `scalar_Label`, `class`, `classification`, …); faces and other elements are
+/// read over.
+///
+/// # Errors
+/// [`SceneError::Io`]; [`SceneError::Invalid`] for a file that is no PLY file, has no vertices, is cut off, or has a
+/// label that is no whole number from 0 to 65535; [`SceneError::Stopped`].
+pub fn read_ply(path: &Path, progress: &Progress) -> Result<PlyCloud, SceneError> {
+    let io = |source| SceneError::Io { path: path.to_path_buf(), source };
+    let file = File::open(path).map_err(io)?;
+    let bytes = file.metadata().map_err(io)?.len();
+    let mut reader = BufReader::with_capacity(1 << 18, file);
+    read_from(&mut reader, bytes, progress).map_err(|fault| match fault {
+        Fault::Content(what) => SceneError::Invalid { path: path.to_path_buf(), what },
+        Fault::Stopped(stopped) => stopped.into(),
+    })
+}
+
+/// Why reading ended early.
+#[derive(Debug)]
+pub(super) enum Fault {
+    Content(String),
+    Stopped(crate::engine::job::Stopped),
+}
+
+impl From<String> for Fault {
+    fn from(what: String) -> Self {
+        Self::Content(what)
+    }
+}
+
+/// Reads a PLY file of `bytes` bytes from its beginning.
+pub(super) fn read_from(reader: &mut impl BufRead, bytes: u64, progress: &Progress) -> Result<PlyCloud, Fault> {
+    let layout = Layout::read(reader)?;
+    layout.before.iter().try_for_each(|element| skip(reader, &layout, element, progress))?;
+    let count = layout.vertex.count;
+    // A header can claim any number of points: never reserve more than the file can hold.
+    let mut builder = Builder::new(&layout, count.min(usize::try_from(bytes).unwrap_or(usize::MAX) / 3));
+    let mut line = String::new();
+    for index in 0..count {
+        if index % STRIDE == 0 {
+            progress.step(index, count).map_err(Fault::Stopped)?;
+        }
+        let vertex = read_vertex(reader, &layout, &mut line).map_err(|what| {
+            format!("point {index} of {count} cannot be read ({what}); the file is damaged or cut off")
+        })?;
+        builder.push(&vertex).map_err(|what| format!("point {index}: {what}"))?;
+    }
+    Ok(builder.finish(&layout))
+}
+
+fn read_vertex(reader: &mut impl BufRead, layout: &Layout, line: &mut String) -> Result<Vertex, String> {
+    let parser = Parser::<Vertex>::new();
+    let read = match layout.encoding {
+        Encoding::Ascii => return ascii::read_vertex(reader, layout, line),
+        Encoding::BinaryBigEndian => parser.read_big_endian_element(reader, &layout.vertex),
+        Encoding::BinaryLittleEndian => parser.read_little_endian_element(reader, &layout.vertex),
+    };
+    read.map_err(|error| match error.kind() {
+        ErrorKind::UnexpectedEof => "the file ends early".into(),
+        _ => first_line(&error.to_string()).to_string(),
+    })
+}
+
+/// Reads over an element that stands before the vertices.
+fn skip(reader: &mut impl BufRead, layout: &Layout, element: &ElementDef, progress: &Progress) -> Result<(), Fault> {
+    if element.properties.is_empty() && layout.encoding != Encoding::Ascii {
+        return Ok(());
+    }
+    let parser = Parser::<Vertex>::new();
+    for index in 0..element.count {
+        if index % STRIDE == 0 {
+            progress.check().map_err(Fault::Stopped)?;
+        }
+        let read = match layout.encoding {
+            Encoding::Ascii => ascii::skip_lines(reader, 1),
+            Encoding::BinaryBigEndian => {
+                parser.read_big_endian_element(reader, element).map(drop).map_err(|error| error.to_string())
+            }
+            Encoding::BinaryLittleEndian => {
+                parser.read_little_endian_element(reader, element).map(drop).map_err(|error| error.to_string())
+            }
+        };
+        read.map_err(|what| {
+            format!("element '{}' cannot be read ({}); the file is damaged or cut off", element.name, first_line(&what))
+        })?;
+    }
+    Ok(())
+}
+
+/// Gathers vertices into a cloud.
+struct Builder {
+    cloud: LabelledCloud,
+    color_scale: f64,
+    has_colors: bool,
+    has_confidence: bool,
+    dropped: usize,
+    farthest: f64,
+}
+
+impl Builder {
+    fn new(layout: &Layout, capacity: usize) -> Self {
+        let cloud = LabelledCloud {
+            positions: Vec::with_capacity(capacity),
+            normals: Vec::with_capacity(capacity),
+            colors: Vec::with_capacity(capacity),
+            labels: Vec::with_capacity(capacity),
+            confidence: Vec::with_capacity(capacity),
+            tree: tree_from_comments(&layout.comments),
+        };
+        Self {
+            cloud,
+            color_scale: layout.color_scale,
+            has_colors: layout.has(Slot::Red) && layout.has(Slot::Green) && layout.has(Slot::Blue),
+            has_confidence: layout.has(Slot::Confidence),
+            dropped: 0,
+            farthest: 0.0,
+        }
+    }
+
+    fn push(&mut self, vertex: &Vertex) -> Result<(), String> {
+        let exact = DVec3::new(vertex.at(Slot::X), vertex.at(Slot::Y), vertex.at(Slot::Z));
+        let position = exact.as_vec3();
+        if !position.is_finite() {
+            self.dropped += 1;
+            return Ok(());
+        }
+        let label = label_id(vertex.at(Slot::Label))?;
+        self.farthest = self.farthest.max(exact.abs().max_element());
+        self.cloud.positions.push(position);
+        self.cloud.normals.push(self.normal(vertex));
+        self.cloud.colors.push(self.color(vertex));
+        self.cloud.labels.push(label);
+        self.cloud.confidence.push(self.confidence(vertex, label));
+        Ok(())
+    }
+
+    fn normal(&self, vertex: &Vertex) -> Vec3 {
+        let normal = DVec3::new(vertex.at(Slot::Nx), vertex.at(Slot::Ny), vertex.at(Slot::Nz)).as_vec3();
+        // Unit normals stay bit for bit, so that writing what was read gives the same file.
+        if normal.is_normalized() { normal } else { normal.normalize_or_zero() }
+    }
+
+    fn color(&self, vertex: &Vertex) -> [u8; 3] {
+        if !self.has_colors {
+            return [192; 3];
+        }
+        [Slot::Red, Slot::Green, Slot::Blue].map(|slot| (vertex.at(slot) * self.color_scale).round() as u8)
+    }
+
+    fn confidence(&self, vertex: &Vertex, label: LabelId) -> f32 {
+        match self.has_confidence {
+            true => (vertex.at(Slot::Confidence) as f32).clamp(0.0, 1.0).max(0.0),
+            false => f32::from(u8::from(label != LabelId::NONE)),
+        }
+    }
+
+    fn finish(mut self, layout: &Layout) -> PlyCloud {
+        let mut used: Vec<LabelId> = self.cloud.labels.clone();
+        used.sort_unstable();
+        used.dedup();
+        name_unknown_labels(&mut self.cloud.tree, used);
+        let mut warnings = Vec::new();
+        if self.dropped > 0 {
+            warnings.push(format!("{} points without a finite position were left out", self.dropped));
+        }
+        let rounding = self.farthest * f64::from(f32::EPSILON) / 2.0;
+        if layout.double_positions && self.farthest > 65_536.0 {
+            warnings.push(format!(
+                "positions reach {:.0} units from the origin and are rounded to {rounding:.3} units in 32 bits; \
+                 shift the cloud towards the origin to keep its detail",
+                self.farthest
+            ));
+        }
+        PlyCloud {
+            has_labels: layout.has(Slot::Label),
+            has_normals: layout.has(Slot::Nx) && layout.has(Slot::Ny) && layout.has(Slot::Nz),
+            has_colors: self.has_colors,
+            cloud: self.cloud,
+            warnings,
+        }
+    }
+}
+
+/// A stored label as an id; files keep them as any integer or floating type.
+fn label_id(value: f64) -> Result<LabelId, String> {
+    let whole = value.round();
+    if (value - whole).abs() > 1e-3 || !(0.0..=65535.0).contains(&whole) {
+        return Err(format!("its label {value} is no whole number from 0 to 65535; renumber the labels"));
+    }
+    Ok(LabelId(whole as u16))
+}

@@ -1,0 +1,74 @@
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::write::{Coloring, save_ply};
+use crate::engine::job::Progress;
+use crate::masks::{LabelId, LabelTree};
+use crate::scene::{LabelledCloud, SceneError};
+
+/// The points of one label.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LabelPart {
+    /// Its id; 0 for the points without a label.
+    pub id: LabelId,
+    /// Its name; `unlabelled` for id 0.
+    pub name: String,
+    /// Its points, in the order of the whole cloud and under the whole tree.
+    pub cloud: LabelledCloud,
+}
+
+/// Splits a cloud into one part for each label that has points, ordered by id, the unlabelled points first.
+#[must_use]
+pub fn split_by_label(cloud: &LabelledCloud) -> Vec<LabelPart> {
+    let mut indices: BTreeMap<LabelId, Vec<u32>> = BTreeMap::new();
+    for (index, &id) in cloud.labels.iter().enumerate() {
+        indices.entry(id).or_default().push(index as u32);
+    }
+    let part = |(id, indices): (LabelId, Vec<u32>)| LabelPart {
+        id,
+        name: label_name(&cloud.tree, id),
+        cloud: cloud.select(&indices),
+    };
+    indices.into_iter().map(part).collect()
+}
+
+/// Writes one PLY for each label that has points beside `path`: `STEM_NAME.ply`. Returns the files written.
+///
+/// # Errors
+/// As [`save_ply`]; the files before the fault are whole and stay.
+pub fn save_per_label(path: &Path, cloud: &LabelledCloud, progress: &Progress) -> Result<Vec<PathBuf>, SceneError> {
+    let mut written: Vec<PathBuf> = Vec::new();
+    for part in split_by_label(cloud) {
+        let mut file = beside(path, &file_part(&part.name));
+        if written.contains(&file) {
+            file = beside(path, &format!("{}_{}", file_part(&part.name), part.id.0));
+        }
+        save_ply(&file, &part.cloud, Coloring::Picture, progress)?;
+        written.push(file);
+    }
+    Ok(written)
+}
+
+/// Where the twin of a cloud in label colours goes: `STEM_labels.ply` beside it.
+#[must_use]
+pub fn twin_path(path: &Path) -> PathBuf {
+    beside(path, "labels")
+}
+
+fn beside(path: &Path, suffix: &str) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}_{suffix}.ply"))
+}
+
+fn label_name(tree: &LabelTree, id: LabelId) -> String {
+    match tree.get(id) {
+        Some(label) => label.name.clone(),
+        None if id == LabelId::NONE => "unlabelled".into(),
+        None => id.0.to_string(),
+    }
+}
+
+/// A label's name with everything that a file name cannot hold on some system replaced.
+fn file_part(name: &str) -> String {
+    name.chars().map(|c| if c.is_alphanumeric() || matches!(c, '-' | '_') { c } else { '_' }).collect()
+}

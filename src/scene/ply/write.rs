@@ -1,0 +1,164 @@
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+use ply_rs::ply::{
+    Addable, ElementDef, Encoding, Header, PropertyAccess, PropertyDef, PropertyType, ScalarType, Version,
+};
+use ply_rs::writer::Writer;
+
+use super::names::comments_of;
+use crate::engine::job::Progress;
+use crate::scene::{LabelledCloud, SceneError};
+
+/// Points between two looks at the stop sign.
+const STRIDE: usize = 1 << 16;
+
+/// Which colours a written cloud gets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Coloring {
+    /// Those of the pictures.
+    #[default]
+    Picture,
+    /// Those of the labels: the mask twin.
+    Labels,
+}
+
+/// Writes a cloud to `path`: first under a temporary name beside it, then renamed, so that a stop or a full disk leaves
+/// what was there.
+///
+/// # Errors
+/// [`SceneError::Io`], [`SceneError::Request`] for a cloud whose vectors differ in length, [`SceneError::Stopped`].
+pub fn save_ply(path: &Path, cloud: &LabelledCloud, coloring: Coloring, progress: &Progress) -> Result<(), SceneError> {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(format!(".{}.tmp", std::process::id()));
+    let temporary = path.with_file_name(name);
+    let written = write_file(&temporary, cloud, coloring, progress)
+        .and_then(|()| std::fs::rename(&temporary, path).map_err(|source| io(path, source)));
+    if written.is_err() {
+        let _ = std::fs::remove_file(&temporary);
+    }
+    written
+}
+
+fn write_file(path: &Path, cloud: &LabelledCloud, coloring: Coloring, progress: &Progress) -> Result<(), SceneError> {
+    let mut out = File::create(path).map_err(|source| io(path, source))?;
+    write_ply(&mut out, cloud, coloring, progress).map_err(|error| match error {
+        SceneError::Io { source, .. } => io(path, source),
+        other => other,
+    })?;
+    out.sync_all().map_err(|source| io(path, source))
+}
+
+fn io(path: &Path, source: std::io::Error) -> SceneError {
+    SceneError::Io { path: path.to_path_buf(), source }
+}
+
+/// Writes a cloud in our form; the writer needs no buffer of its own.
+///
+/// # Errors
+/// As [`save_ply`]; an [`SceneError::Io`] has an empty path.
+pub fn write_ply<W: Write>(
+    out: W,
+    cloud: &LabelledCloud,
+    coloring: Coloring,
+    progress: &Progress,
+) -> Result<(), SceneError> {
+    check_lengths(cloud)?;
+    let fail = |source| SceneError::Io { path: PathBuf::new(), source };
+    let mut out = BufWriter::with_capacity(1 << 18, out);
+    let header = header(cloud);
+    let writer = Writer::<Point>::new();
+    writer.write_header(&mut out, &header).map_err(fail)?;
+    let colors = match coloring {
+        Coloring::Picture => std::borrow::Cow::Borrowed(&cloud.colors),
+        Coloring::Labels => std::borrow::Cow::Owned(cloud.label_colors()),
+    };
+    let Some(definition) = header.elements.get("vertex") else { return Ok(()) };
+    for index in 0..cloud.len() {
+        if index % STRIDE == 0 {
+            progress.step(index, cloud.len())?;
+        }
+        let point = Point {
+            position: cloud.positions[index],
+            normal: cloud.normals[index],
+            color: colors[index],
+            label: cloud.labels[index].0,
+            confidence: cloud.confidence[index],
+        };
+        writer.write_little_endian_element(&mut out, &point, definition).map_err(fail)?;
+    }
+    out.flush().map_err(fail)
+}
+
+fn check_lengths(cloud: &LabelledCloud) -> Result<(), SceneError> {
+    let lengths = [cloud.normals.len(), cloud.colors.len(), cloud.labels.len(), cloud.confidence.len()];
+    match lengths.iter().all(|&length| length == cloud.len()) {
+        true => Ok(()),
+        false => Err(SceneError::Request("the cloud's points, normals, colours and labels differ in number".into())),
+    }
+}
+
+fn header(cloud: &LabelledCloud) -> Header {
+    let mut vertex = ElementDef::new("vertex".into());
+    vertex.count = cloud.len();
+    let columns = [
+        (ScalarType::Float, &["x", "y", "z", "nx", "ny", "nz"][..]),
+        (ScalarType::UChar, &["red", "green", "blue"]),
+        (ScalarType::UShort, &["label"]),
+        (ScalarType::Float, &["confidence"]),
+    ];
+    for (scalar, names) in columns {
+        for name in names {
+            vertex.properties.add(PropertyDef::new((*name).into(), PropertyType::Scalar(scalar.clone())));
+        }
+    }
+    let mut header = Header::new();
+    header.encoding = Encoding::BinaryLittleEndian;
+    header.version = Version { major: 1, minor: 0 };
+    header.comments = comments_of(&cloud.tree);
+    header.elements.add(vertex);
+    header
+}
+
+/// One point on its way out.
+struct Point {
+    position: Vec3,
+    normal: Vec3,
+    color: [u8; 3],
+    label: u16,
+    confidence: f32,
+}
+
+impl PropertyAccess for Point {
+    fn new() -> Self {
+        Self { position: Vec3::ZERO, normal: Vec3::ZERO, color: [0; 3], label: 0, confidence: 0.0 }
+    }
+
+    fn get_float(&self, name: &str) -> Option<f32> {
+        Some(match name {
+            "x" => self.position.x,
+            "y" => self.position.y,
+            "z" => self.position.z,
+            "nx" => self.normal.x,
+            "ny" => self.normal.y,
+            "nz" => self.normal.z,
+            "confidence" => self.confidence,
+            _ => return None,
+        })
+    }
+
+    fn get_uchar(&self, name: &str) -> Option<u8> {
+        Some(match name {
+            "red" => self.color[0],
+            "green" => self.color[1],
+            "blue" => self.color[2],
+            _ => return None,
+        })
+    }
+
+    fn get_ushort(&self, name: &str) -> Option<u16> {
+        (name == "label").then_some(self.label)
+    }
+}

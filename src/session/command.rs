@@ -1,0 +1,235 @@
+use std::path::PathBuf;
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+use crate::masks::{Direction, LabelId, Prompt};
+
+/// A wish: all that window, command line and recipes can ask of a [`super::Session`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Command {
+    /// Makes a project folder from sources and opens it.
+    New(NewProject),
+    /// Opens a project folder.
+    Open(PathBuf),
+    /// Opens a labelled PLY alone, for inspection.
+    Inspect(PathBuf),
+    /// Closes what is open.
+    Close,
+    /// Puts more frames at the end of the sequence.
+    AddFrames(NewProject),
+    /// Points frames whose source moved to its new place.
+    Relocate {
+        /// Folder (or film) that is gone.
+        from: PathBuf,
+        /// Where it is now.
+        to: PathBuf,
+    },
+    /// Makes a label.
+    AddLabel {
+        /// Its name.
+        name: String,
+        /// Name of its parent.
+        parent: Option<String>,
+        /// sRGB; chosen when absent.
+        color: Option<[u8; 3]>,
+    },
+    /// Changes a label's name, colour or parent.
+    EditLabel(crate::masks::Label),
+    /// Takes a label out, with its prompts; its pixels become nothing.
+    RemoveLabel(LabelId),
+    /// Sets what is given for a label on a frame and segments it; an empty prompt takes the label off the frame.
+    Prompt(PromptRequest),
+    /// Brush, eraser or polygon on a frame's mask; the frame becomes an anchor.
+    Paint(PaintRequest),
+    /// Makes a tracked frame an anchor as it is.
+    MakeAnchor {
+        /// Frame number.
+        frame: usize,
+    },
+    /// Takes a frame's mask and prompts away.
+    ClearMask {
+        /// Frame number.
+        frame: usize,
+    },
+    /// Reads masks from files; their frames become anchors.
+    ImportMasks {
+        /// Folder.
+        dir: PathBuf,
+        /// `davis`, `binary`, `coco` or `yolo`.
+        format: String,
+    },
+    /// Writes masks to files.
+    ExportMasks {
+        /// Folder.
+        dir: PathBuf,
+        /// `davis`, `binary`, `coco` or `yolo`.
+        format: String,
+    },
+    /// Carries anchors' masks through the sequence.
+    Track(TrackSettings),
+    /// Makes cameras and depths.
+    Reconstruct(ReconstructRequest),
+    /// Makes the labelled cloud.
+    Fuse(FuseRequest),
+    /// Writes results to files.
+    Export(ExportRequest),
+    /// Takes back the last step.
+    Undo,
+    /// Does the last step taken back again.
+    Redo,
+    /// Stops every running job; each keeps what it has.
+    Stop,
+}
+
+/// What to open, as `ostra new` and `ostra add` take it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NewProject {
+    /// The project's folder (for `AddFrames`: ignored).
+    pub root: PathBuf,
+    /// Sources of frames with their depth folders, `every`, `from`, `to`, depth unit.
+    pub open: crate::frames::OpenRequest,
+    /// Cameras in one of the formats known.
+    #[serde(default)]
+    pub cameras: Option<PathBuf>,
+    /// fx, fy, cx, cy for every frame.
+    #[serde(default)]
+    pub intrinsics: Option<[f64; 4]>,
+}
+
+/// A prompt for one label on one frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PromptRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// For which label.
+    pub label: LabelId,
+    /// All that is given (sets, not adds).
+    pub prompt: Prompt,
+    /// `auto`, `sam` or `builtin`.
+    pub segmenter: String,
+}
+
+/// A stroke on a frame's mask.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PaintRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// The label painted, or the one erased.
+    pub label: LabelId,
+    /// Corners of the stroke or polygon in pixels.
+    pub points_px: Vec<DVec2>,
+    /// Brush radius in pixels; 0 = the points are a polygon to fill.
+    pub radius_px: f64,
+    /// `true` takes the label away where the stroke goes.
+    pub erase: bool,
+    /// `true` = pixels of other labels are taken over too.
+    pub replace: bool,
+}
+
+/// How to track.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TrackSettings {
+    /// `auto`, `xmem`, `deaot`, `geometry` or `flow`.
+    pub tracker: String,
+    /// First frame; none = 0.
+    #[serde(default)]
+    pub from: Option<usize>,
+    /// Last frame (included); none = the last.
+    #[serde(default)]
+    pub to: Option<usize>,
+    /// Which way.
+    #[serde(default)]
+    pub direction: Direction,
+    /// Hold the masks against the anchors' masks carried through geometry.
+    #[serde(default)]
+    pub constrain: bool,
+}
+
+/// Where cameras and depths come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ReconstructMethod {
+    /// What the frames allow: given poses and depths are kept.
+    #[default]
+    Auto,
+    /// Cameras by structure from motion.
+    Sfm,
+    /// Depths by PatchMatch stereo.
+    Mvs,
+    /// Registration of RGB-D fragments.
+    Rgbd,
+}
+
+/// How to make cameras and depths.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ReconstructRequest {
+    /// Method.
+    pub method: ReconstructMethod,
+    /// Every n-th frame takes part.
+    pub every: usize,
+    /// `auto`, `cpu` or `gpu`.
+    pub device: String,
+}
+
+/// How to make the labelled cloud.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct FuseRequest {
+    /// Edge of the voxel in world units; chosen from the data when absent.
+    #[serde(default)]
+    pub voxel: Option<f64>,
+    /// Points whose label won less than this share of the votes are dropped.
+    #[serde(default)]
+    pub min_confidence: Option<f32>,
+    /// Drop points without a label.
+    #[serde(default)]
+    pub drop_unlabelled: bool,
+    /// Vote on the points of this cloud instead of making points.
+    #[serde(default)]
+    pub onto: Option<PathBuf>,
+}
+
+/// What to write where.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ExportRequest {
+    /// Labelled PLY.
+    #[serde(default)]
+    pub cloud: Option<PathBuf>,
+    /// Mesh (PLY, OBJ, GLB).
+    #[serde(default)]
+    pub mesh: Option<PathBuf>,
+    /// Voxels.
+    #[serde(default)]
+    pub voxels: Option<PathBuf>,
+    /// COLMAP text model.
+    #[serde(default)]
+    pub cameras: Option<PathBuf>,
+    /// Palette PNGs and `labels.json`.
+    #[serde(default)]
+    pub masks: Option<PathBuf>,
+    /// 32-bit float TIFFs.
+    #[serde(default)]
+    pub depths: Option<PathBuf>,
+    /// Measured traits.
+    #[serde(default)]
+    pub traits: Option<PathBuf>,
+    /// Read labels deeper than this as their ancestor there.
+    #[serde(default)]
+    pub level: Option<usize>,
+    /// Write the same points in label colours beside the file.
+    #[serde(default)]
+    pub twin: bool,
+    /// Write one file per label too.
+    #[serde(default)]
+    pub per_label: bool,
+}
+
+/// A list of commands that makes a project: what `ostra run` takes and the window can save.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Recipe {
+    /// Format of the file, 1.
+    pub format: u32,
+    /// In order; each is done before the next begins.
+    pub commands: Vec<Command>,
+}

@@ -1,0 +1,45 @@
+// Points as round discs, lit a little by their normal towards the eye. Twin: raster.rs.
+
+struct Eye {
+    clip_from_world: mat4x4<f32>,
+    // x, y: size of the picture in pixels; z: focal length in pixels; w: disc radius in world units.
+    view: vec4<f32>,
+    // x: smallest, y: largest disc radius in pixels.
+    disc: vec4<f32>,
+};
+
+@group(0) @binding(0) var<uniform> eye: Eye;
+
+struct Disc {
+    @builtin(position) position: vec4<f32>,
+    @location(0) color: vec4<f32>,
+    @location(1) corner: vec2<f32>,
+};
+
+@vertex
+fn vertex(
+    @builtin(vertex_index) index: u32,
+    @location(0) position: vec3<f32>,
+    @location(1) color: vec4<f32>,
+) -> Disc {
+    var out: Disc;
+    let corner = vec2<f32>(f32(index & 1u) * 2.0 - 1.0, f32(index >> 1u) * 2.0 - 1.0);
+    let at = eye.clip_from_world * vec4<f32>(position, 1.0);
+    let radius_px = clamp(eye.view.w * eye.view.z / max(at.w, 1e-9), eye.disc.x, eye.disc.y);
+    out.position = at + vec4<f32>(corner * radius_px * 2.0 / eye.view.xy * at.w, 0.0, 0.0);
+    if color.a == 0.0 {
+        // Hidden: outside the clip volume.
+        out.position = vec4<f32>(2.0, 2.0, 2.0, 1.0);
+    }
+    out.color = color;
+    out.corner = corner;
+    return out;
+}
+
+@fragment
+fn fragment(in: Disc) -> @location(0) vec4<f32> {
+    if dot(in.corner, in.corner) > 1.0 {
+        discard;
+    }
+    return vec4<f32>(in.color.rgb, 1.0);
+}

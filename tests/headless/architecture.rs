@@ -1,0 +1,186 @@
+//! Holds the room table of `docs/ARCHITECTURE.md` against `src/`.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Room → rooms it may name. Sub-rooms with rules of their own stand before the room they lie in.
+const ROOMS: &[(&str, &[&str])] = &[
+    ("engine/job", &[]),
+    ("engine/nn", &[]),
+    ("engine/gpu", &[]),
+    ("geometry", &[]),
+    ("frames", &["geometry", "engine::job"]),
+    ("masks/onnx", &["masks", "frames", "engine::job", "engine::nn"]),
+    ("masks", &["frames", "engine::job"]),
+    ("scene", &["masks", "frames", "geometry", "engine::job"]),
+    ("session", &["scene", "masks", "frames", "geometry", "engine::job", "engine::nn", "engine::gpu"]),
+    ("view", &["scene", "masks", "frames", "geometry", "engine::gpu"]),
+    ("app", &["session", "view", "scene", "masks", "frames", "geometry"]),
+    ("cli", &["app", "session", "view", "scene", "masks", "frames", "geometry"]),
+];
+
+/// Word → rooms that may say it.
+const WORDS: &[(&str, &[&str])] = &[
+    ("ort::", &["engine/nn"]),
+    ("egui::", &["app"]),
+    ("eframe::", &["app"]),
+    ("egui_wgpu::", &["app"]),
+    ("wgpu::", &["engine/gpu", "view"]),
+    ("println!", &["cli"]),
+    ("eprintln!", &["cli"]),
+    ("print!", &["cli"]),
+    ("process::exit", &["cli"]),
+    ("ExitCode", &["cli"]),
+    ("rfd::", &["app", "session"]),
+];
+
+/// Words that geometry, being pure, must not say.
+const IMPURE: &[&str] = &["std::fs", "std::thread", "rayon", "std::time", "Instant", "image::"];
+
+struct Source {
+    /// Path below `src/`, with `/`.
+    path: String,
+    /// Without comments and test modules.
+    code: String,
+    lines: usize,
+}
+
+fn src() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
+}
+
+fn sources() -> Vec<Source> {
+    let mut found = Vec::new();
+    let mut folders = vec![src()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|ending| ending == "rs") {
+                let text = std::fs::read_to_string(&path).unwrap();
+                let below = path.strip_prefix(src()).unwrap().to_string_lossy().replace('\\', "/");
+                let is_test = below.ends_with("/tests.rs");
+                let code = if is_test { String::new() } else { product_code(&text) };
+                found.push(Source { path: below, code, lines: text.lines().count() });
+            }
+        }
+    }
+    found.sort_by(|a, b| a.path.cmp(&b.path));
+    assert!(found.len() > 30, "the sources are found: {}", found.len());
+    found
+}
+
+/// The code without comment lines and without what follows `#[cfg(test)]`.
+fn product_code(text: &str) -> String {
+    let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+    code.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n")
+}
+
+fn room_of(path: &str) -> Option<&'static (&'static str, &'static [&'static str])> {
+    ROOMS.iter().find(|(room, _)| path.starts_with(&format!("{room}/")))
+}
+
+/// Rooms named as `crate::room…` in the code; `engine::job` and its like with both parts.
+fn rooms_named(code: &str) -> BTreeSet<String> {
+    let mut named = BTreeSet::new();
+    for rest in code.split("crate::").skip(1) {
+        assert!(
+            !rest.starts_with('{') && !rest.starts_with('*'),
+            "name one room per `use crate::`: {}",
+            &rest[..40.min(rest.len())]
+        );
+        let words: Vec<&str> =
+            rest.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|w| !w.is_empty()).collect();
+        let Some(&first) = words.first() else { continue };
+        named.insert(if first == "engine" {
+            format!("engine::{}", words.get(1).unwrap_or(&""))
+        } else {
+            first.to_owned()
+        });
+    }
+    named
+}
+
+#[test]
+fn every_import_points_down() {
+    let mut wrong = Vec::new();
+    for source in sources() {
+        let Some((room, allowed)) = room_of(&source.path) else { continue };
+        let own = room.replace('/', "::");
+        let own_top = room.split('/').next().unwrap_or(room);
+        for named in rooms_named(&source.code) {
+            let within = named == own || (named == own_top && !own.starts_with("engine"));
+            if !within && !allowed.contains(&named.as_str()) {
+                wrong.push(format!("src/{} names {named}", source.path));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn words_stay_in_their_rooms() {
+    let mut wrong = Vec::new();
+    for source in sources() {
+        for (word, rooms) in WORDS {
+            let said = source.code.match_indices(word).any(|(at, _)| {
+                !source.code[..at]
+                    .ends_with(|c: char| c.is_alphanumeric() || c == '_' || (c == 'e' && *word == "print!"))
+            });
+            let home =
+                rooms.iter().any(|room| source.path.starts_with(&format!("{room}/"))) || source.path == "main.rs";
+            if said && !home {
+                wrong.push(format!("src/{} says {word}", source.path));
+            }
+        }
+        if source.path.starts_with("geometry/") {
+            wrong.extend(
+                IMPURE
+                    .iter()
+                    .filter(|word| source.code.contains(**word))
+                    .map(|word| format!("src/{} says {word}", source.path)),
+            );
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn only_scene_gpu_twins_name_the_gpu() {
+    let twins: Vec<String> = sources()
+        .into_iter()
+        .filter(|source| source.path.starts_with("scene/") && source.code.contains("engine::gpu"))
+        .map(|source| source.path)
+        .collect();
+    assert!(twins.iter().all(|path| path.ends_with("gpu.rs")), "{twins:?}");
+}
+
+#[test]
+fn files_are_short() {
+    let long: Vec<String> = sources()
+        .iter()
+        .filter(|source| source.lines > 500)
+        .map(|source| format!("{}: {}", source.path, source.lines))
+        .collect();
+    assert!(long.is_empty(), "above 500 lines: {long:#?}");
+}
+
+#[test]
+fn every_room_has_its_sign_and_nothing_but_it() {
+    for source in sources().iter().filter(|source| source.path.ends_with("mod.rs")) {
+        let text = std::fs::read_to_string(src().join(&source.path)).unwrap();
+        assert!(text.starts_with("//!"), "src/{} has no sign", source.path);
+        let defines = ["fn ", "struct ", "enum ", "impl "]
+            .iter()
+            .any(|word| source.code.lines().any(|line| line.trim_start_matches("pub ").starts_with(word)));
+        assert!(!defines, "src/{}: code lives in named files", source.path);
+        if source.path.matches('/').count() == 1 && source.path != "engine/mod.rs" {
+            assert!(
+                text.contains("May use") && text.contains("Must not touch"),
+                "src/{}: the sign says what the room may use",
+                source.path
+            );
+        }
+    }
+}
