@@ -9,8 +9,8 @@ pub mod fuse;
 pub mod measure;
 pub mod ply;
 pub mod points;
-pub mod synthetic;
 pub mod score;
+pub mod synthetic;
 
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;

@@ -24,9 +24,7 @@ impl Session {
             Command::Close => self.close().map(|()| None),
             Command::AddFrames(new) => self.add_frames(new).map(Some),
             Command::Relocate { from, to } => self.relocate(from, to).map(Some),
-            Command::AddLabel { name, parent, color } => {
-                self.add_label(name, parent.as_deref(), *color).map(|()| None)
-            }
+            Command::AddLabel { name, parent, color } => self.add_label(name, parent.as_deref(), *color).map(|()| None),
             Command::EditLabel(label) => self.edit_label(label).map(|()| None),
             Command::RemoveLabel(id) => self.remove_label(*id).map(|()| None),
             Command::Prompt(request) => self.prompt(request),

@@ -15,8 +15,8 @@ mod event;
 mod history;
 mod jobs;
 mod open_project;
-mod prepared;
 mod pictures;
+mod prepared;
 mod project;
 #[expect(clippy::module_inception, reason = "the noun lives in a file of its name")]
 mod session;

@@ -1,6 +1,6 @@
 //! The built-in segmenter against real pictures with truth: a robot user clicks, accuracy and time are printed.
 //!
-//! `cargo bench --bench segmenter [davis] [shelf] [boxes] [time] [NAME…]`; with `OSTRA_SHOTS=DIR` answers are drawn there.
+//! `cargo bench --bench segmenter [davis] [shelf] [tiller] [boxes] [time] [NAME…]`; with `OSTRA_SHOTS=DIR` answers are drawn there.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,14 +10,15 @@ use glam::DVec2;
 use ostra::engine::job::Progress;
 use ostra::frames::{DepthMap, Image};
 use ostra::masks::builtin::BuiltinSegmenter;
-use ostra::masks::{Click, PreparedFrame, Prompt, PxBox, Region, SegmentRequest, Segmenter, next_click};
+use ostra::masks::{Click, LabelId, PreparedFrame, Prompt, PxBox, Region, SegmentRequest, Segmenter, next_click};
+use ostra::scene::synthetic::{Scene, SceneOptions};
 
 const CAP: usize = 20;
 const SHOWN: [usize; 5] = [1, 3, 5, 10, 20];
 
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
-    let parts = ["davis", "shelf", "boxes", "time"];
+    let parts = ["davis", "shelf", "tiller", "boxes", "time"];
     let wants =
         |part: &str| words.iter().any(|word| word == part) || !words.iter().any(|word| parts.contains(&&**word));
     let names: Vec<&str> = words.iter().map(|word| &**word).filter(|word| !parts.contains(word)).collect();
@@ -31,6 +32,9 @@ fn main() {
     }
     if wants("shelf") {
         shelf(&data.join("apc_shelf_rgbd_labels"), &names);
+    }
+    if wants("tiller") {
+        tiller(&names);
     }
     if wants("boxes") {
         boxes(&data, &names);
@@ -152,6 +156,29 @@ fn shelf(root: &Path, names: &[&str]) {
     }
     for (object, best) in best.iter().enumerate() {
         println!("best view of object {}: {:.3?} | {:.3?}", object + 1, best[0], best[1]);
+    }
+}
+
+/// Robot user on each organ class of a made tiller, with exact depth: many parts are one label.
+fn tiller(names: &[&str]) {
+    println!("tiller: IoU after 1 2 3 5 8 clicks with depth");
+    let options = SceneOptions { seed: 7, views: 3, ..SceneOptions::default() };
+    let scene = Scene::build(&options).expect("the default scene can be made");
+    for view in scene.views() {
+        let seen = scene.render(view);
+        let (image, depth) = (Arc::new(seen.image), Arc::new(seen.depth));
+        for label in scene.tree().iter().filter(|label| scene.tree().depth(label.id) == Scene::CLASS_LEVEL) {
+            let name = format!("tiller{}-{}", view.index, label.name);
+            if !names.is_empty() && !names.contains(&&*name) {
+                continue;
+            }
+            let is_inside = |id: &LabelId| scene.tree().at_level(*id, Scene::CLASS_LEVEL) == label.id;
+            let inside = seen.mask.ids.iter().map(is_inside).collect();
+            let truth = Region { width: image.width, height: image.height, inside };
+            let run = play(&name, &image, Some(&depth), &truth, 8);
+            let ious: Vec<String> = [1, 2, 3, 5, 8].map(|after| format!("{:.3}", run.after(after))).into();
+            println!("{name:18} {}", ious.join(" "));
+        }
     }
 }
 

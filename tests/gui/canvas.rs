@@ -8,11 +8,17 @@ use ostra::session::{Command, PaintRequest, PromptRequest};
 use crate::desk::{Desk, click_at, drag, on_screen, press};
 
 fn prompts(asked: &[Command]) -> Vec<&PromptRequest> {
-    asked.iter().filter_map(|command| if let Command::Prompt(request) = command { Some(request) } else { None }).collect()
+    asked
+        .iter()
+        .filter_map(|command| if let Command::Prompt(request) = command { Some(request) } else { None })
+        .collect()
 }
 
 fn paints(asked: &[Command]) -> Vec<&PaintRequest> {
-    asked.iter().filter_map(|command| if let Command::Paint(request) = command { Some(request) } else { None }).collect()
+    asked
+        .iter()
+        .filter_map(|command| if let Command::Paint(request) = command { Some(request) } else { None })
+        .collect()
 }
 
 #[test]
