@@ -150,7 +150,7 @@ fn play(case: &Case, mut choose: impl FnMut(Kind, &Candidates, &[f32]) -> usize)
     let (frame, truth) = load(case);
     let share = {
         let mut share = vec![0.0f32; frame.graph.region_count()];
-        for (&region, &inside) in frame.graph.of_pixel.iter().zip(&truth.inside) {
+        for (&region, &inside) in frame.raster.of_pixel.iter().zip(&truth.inside) {
             share[region as usize] += f32::from(u8::from(inside));
         }
         share
@@ -162,12 +162,12 @@ fn play(case: &Case, mut choose: impl FnMut(Kind, &Candidates, &[f32]) -> usize)
     while let Some(click) = next_click(&truth, &answer).filter(|_| ious.len() < case.clicks) {
         clicks.push(click);
         let previous = answer.clone();
-        let mut query = Query::new(&frame.graph, &frame.palette, None);
+        let mut query = Query::new(&frame, None);
         if clicks.len() > 1 {
             query.start_from(&previous);
         }
-        clicks.iter().for_each(|click| query.add_click(click, false));
-        query.decide_clicked();
+        clicks[..clicks.len() - 1].iter().for_each(|click| query.add_known_click(click));
+        query.note_new_click(&click);
         let change = query.situation().map(|situation| {
             let mut found = candidates(&situation, &CandidateOptions::default());
             let regions = &frame.graph.regions;

@@ -18,9 +18,12 @@ mod graph;
 mod maxflow;
 mod prepared;
 mod query;
+mod raster;
 mod regions;
 mod segmenter;
 mod situation;
+#[cfg(test)]
+mod tests;
 mod traits;
 
 pub use segmenter::BuiltinSegmenter;
