@@ -3,6 +3,7 @@
 //! May use: masks, frames, geometry, engine::job; only GPU twins use engine::gpu, only `sfm/onnx` engine::nn.
 //! Must not touch: Project, UI.
 
+mod carry;
 mod cloud;
 mod error;
 pub mod fuse;
@@ -12,5 +13,6 @@ pub mod points;
 pub mod score;
 pub mod synthetic;
 
+pub use carry::{CarryOptions, GeometryTracker};
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;

@@ -5,7 +5,6 @@ use anyhow::{Result, bail, ensure};
 use super::{Project, TrackSettings};
 use crate::masks::builtin::BuiltinSegmenter;
 use crate::masks::{Segmenter, Tracker};
-use crate::scene::carry::GeometryTracker;
 
 /// What an engine is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,5 +76,5 @@ pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box
     );
     let allowed = project.frames.iter().any(|frame| frame.depth.is_some() && frame.posed_camera().is_some());
     ensure!(allowed, "no installed tracker fits: 'geometry' needs frames with depth and cameras; add both first");
-    Ok(Box::new(GeometryTracker::default()))
+    bail!("no tracker yet")
 }
