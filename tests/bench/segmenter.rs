@@ -2,6 +2,12 @@
 //!
 //! `cargo bench --bench segmenter [davis] [shelf] [tiller] [boxes] [time] [NAME…]`; with `OSTRA_SHOTS=DIR` answers are drawn there.
 
+#![expect(
+    clippy::print_stdout,
+    clippy::expect_used,
+    reason = "a bench prints its table and ends where data is missing"
+)]
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};

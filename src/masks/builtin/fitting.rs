@@ -175,7 +175,7 @@ fn play(case: &Case, mut choose: impl FnMut(Kind, &Candidates, &[f32]) -> usize)
                 let (mut both, mut any) = (0.0, total);
                 for (at, region) in regions.iter().enumerate() {
                     let changes = change.is_some_and(|change| change[at]);
-                    if if changes { click.include } else { situation.inside[at] } {
+                    if if changes { click.include } else { query.inside[at] } {
                         both += share[at];
                         any += region.area - share[at];
                     }

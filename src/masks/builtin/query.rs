@@ -20,7 +20,7 @@ pub(super) struct Query<'a> {
     /// Regions mostly taken by other labels.
     closed: Vec<bool>,
     /// Which regions are (mostly) in the answer.
-    inside: Vec<bool>,
+    pub inside: Vec<bool>,
     /// Regions that a prompt decided; the others keep their pixels of the previous answer.
     decided: Vec<bool>,
     clicks: Vec<(Click, u32)>,

@@ -12,8 +12,6 @@ pub(super) struct Situation<'a> {
     pub palette: &'a Palette,
     /// All clicks with their regions; the last is the one to answer.
     pub clicks: &'a [(Click, u32)],
-    /// The answer so far.
-    pub inside: &'a [bool],
     /// Every region's part in the cut: the clicked one is the only seed.
     pub roles: Vec<Role>,
     /// The clicked region.
@@ -39,7 +37,7 @@ impl<'a> Situation<'a> {
         graph: &'a RegionGraph,
         palette: &'a Palette,
         clicks: &'a [(Click, u32)],
-        inside: &'a [bool],
+        inside: &[bool],
         closed: &[bool],
     ) -> Option<Self> {
         let &(click, seed) = clicks.last()?;
@@ -68,7 +66,7 @@ impl<'a> Situation<'a> {
         let reach = joined.map(|(_, &apart)| apart).fold(widest, f32::min).max(4.0);
         let area =
             inside.iter().zip(&graph.regions).map(|(&inside, region)| if inside { region.area } else { 0.0 }).sum();
-        Some(Self { graph, palette, clicks, inside, roles, seed, include, apart, far, reach, area })
+        Some(Self { graph, palette, clicks, roles, seed, include, apart, far, reach, area })
     }
 
     /// Whether a region may change.
