@@ -86,7 +86,7 @@ fn notice_ui(ui: &mut Ui, notice: &Notice) -> bool {
                     ui.label(RichText::new(title).color(color).strong());
                     ui.label(&notice.text);
                 });
-                ui.button("✖")
+                ui.button("×")
                     .on_hover_text("Dismiss")
                     .accessible_name(format!("Dismiss {title}: {}", notice.text))
                     .clicked()

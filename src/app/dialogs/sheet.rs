@@ -53,7 +53,8 @@ pub(in crate::app) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
             });
         });
         ui.add_space(6.0);
-        ScrollArea::vertical().max_height(560.0).show(ui, |ui| {
+        let height = (ui.ctx().content_rect().height() - 150.0).max(200.0);
+        ScrollArea::vertical().max_height(height).show(ui, |ui| {
             ui.columns(2, |columns| {
                 for menu in [MenuName::File, MenuName::Edit] {
                     menu_ui(&mut columns[0], view, menu);

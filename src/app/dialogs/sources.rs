@@ -31,7 +31,7 @@ pub(super) fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec
                 let name = format!("Frames folder or film{number}");
                 let ends = ("folder of pictures, or a film", (Pick::Folder, PickTarget::Frames(index)));
                 path_field_ui(ui, picker, (&name, ends.0), &mut source.frames, ends.1);
-                if several && icon_button(ui, "✖", &format!("Remove source{number}"), "Takes this source out").clicked()
+                if several && icon_button(ui, "×", &format!("Remove source{number}"), "Takes this source out").clicked()
                 {
                     removed = Some(index);
                 }

@@ -133,7 +133,7 @@ fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> Respons
 }
 
 fn row_end_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>, label: &Label) {
-    let more = ui.menu_button("⋯", |ui| label_menu_ui(ui, look, view, out, label)).response;
+    let more = ui.menu_button("…", |ui| label_menu_ui(ui, look, view, out, label)).response;
     more.on_hover_text("Rename, move, remove").accessible_name(format!("More for {}", label.name));
     eye_ui(ui, view, label);
     let frames = view.presence.frames_with(label.id);

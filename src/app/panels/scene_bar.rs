@@ -12,7 +12,7 @@ const COLORINGS: [(Coloring, &str, &str); 3] = [
 
 /// What colours show, point size, frusta and where to look from.
 pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         for (coloring, text, tip) in COLORINGS {
             ui.selectable_value(&mut view.coloring, coloring, text).on_hover_text(tip);
         }
