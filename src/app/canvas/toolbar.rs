@@ -8,9 +8,9 @@ use crate::app::{Action, ViewState};
 pub(super) fn toolbar_ui(ui: &mut Ui, view: &mut ViewState, zoom_percent: f32, wishes: &mut Vec<Action>) {
     ui.horizontal_wrapped(|ui| {
         tools_ui(ui, view);
-        ui.separator();
+        ui.add_space(8.0);
         zoom_ui(ui, view, zoom_percent, wishes);
-        ui.separator();
+        ui.add_space(8.0);
         mask_look_ui(ui, view);
     });
 }
