@@ -23,6 +23,8 @@ mod recent;
 mod session;
 mod stale;
 pub mod store;
+#[cfg(test)]
+mod tests;
 
 pub use command::{
     Command, ExportRequest, FuseRequest, NewProject, PaintRequest, PromptRequest, Recipe, ReconstructMethod,

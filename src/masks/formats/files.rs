@@ -1,10 +1,10 @@
-use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering as Memory};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
 use crate::engine::job::Progress;
+use crate::frames::natural_order;
 use crate::masks::MaskError;
 
 /// A file found below a folder.
@@ -68,7 +68,7 @@ pub(in crate::masks) fn in_parallel<T: Sync, R: Send>(
         .map(|item| {
             progress.check()?;
             let result = work(item)?;
-            progress.step(done.fetch_add(1, Memory::Relaxed) + 1, items.len())?;
+            progress.step(done.fetch_add(1, Ordering::Relaxed) + 1, items.len())?;
             Ok(result)
         })
         .collect();
@@ -83,36 +83,6 @@ pub(super) fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> MaskError 
 /// An error about a file's content.
 pub(super) fn invalid(path: &Path, what: impl Into<String>) -> MaskError {
     MaskError::Invalid { path: path.to_path_buf(), what: what.into() }
-}
-
-/// Numbers in names by their value, all else by its characters: `f2` before `f10`.
-fn natural_order(a: &str, b: &str) -> Ordering {
-    let (mut a, mut b) = (a, b);
-    while !a.is_empty() && !b.is_empty() {
-        let (head_a, rest_a) = split_head(a);
-        let (head_b, rest_b) = split_head(b);
-        let order = match (number(head_a), number(head_b)) {
-            (Some(a), Some(b)) => a.len().cmp(&b.len()).then_with(|| a.cmp(b)),
-            _ => head_a.cmp(head_b),
-        };
-        if order.is_ne() {
-            return order;
-        }
-        (a, b) = (rest_a, rest_b);
-    }
-    a.len().cmp(&b.len())
-}
-
-/// The digits at the front, or the one character there.
-fn split_head(text: &str) -> (&str, &str) {
-    let digits = text.bytes().take_while(u8::is_ascii_digit).count();
-    let first = text.chars().next().map_or(0, char::len_utf8);
-    text.split_at(if digits > 0 { digits } else { first })
-}
-
-/// Digits without leading zeros.
-fn number(head: &str) -> Option<&str> {
-    head.starts_with(|first: char| first.is_ascii_digit()).then(|| head.trim_start_matches('0'))
 }
 
 fn has_ending(path: &Path, endings: &[&str]) -> bool {

@@ -18,7 +18,16 @@ struct LabelEntry {
     #[serde(default)]
     parent: Option<LabelId>,
     #[serde(default)]
-    color: Option<String>,
+    color: Option<Color>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(untagged)]
+enum Color {
+    /// `#rrggbb`.
+    Text(String),
+    /// Red, green, blue.
+    Channels([u8; 3]),
 }
 
 /// Writes `labels.json` into a folder of masks: a list of `{"id", "name", "parent", "color"}`, parents by their id or
@@ -29,7 +38,7 @@ struct LabelEntry {
 pub fn write_labels_json(dir: &Path, tree: &LabelTree) -> Result<(), MaskError> {
     let entry = |label: &Label| {
         let [red, green, blue] = label.color;
-        let color = Some(format!("#{red:02x}{green:02x}{blue:02x}"));
+        let color = Some(Color::Text(format!("#{red:02x}{green:02x}{blue:02x}")));
         serde_json::to_string(&LabelEntry { id: label.id, name: label.name.clone(), parent: label.parent, color })
     };
     let path = dir.join(LABELS_FILE);
@@ -39,7 +48,8 @@ pub fn write_labels_json(dir: &Path, tree: &LabelTree) -> Result<(), MaskError> 
     write_whole(&path, text.as_bytes())
 }
 
-/// Reads `labels.json` of a folder of masks; `None` when there is none. A label without colour gets one.
+/// Reads `labels.json` of a folder of masks; `None` when there is none. Colours may be `[r, g, b]` too; a
+/// label without colour gets one.
 ///
 /// # Errors
 /// [`MaskError::Io`], or [`MaskError::Invalid`] for a file that is no label tree.
@@ -55,7 +65,10 @@ pub fn read_labels_json(dir: &Path) -> Result<Option<LabelTree>, MaskError> {
     let label = |entry: LabelEntry| {
         let color = match &entry.color {
             None => LabelTree::color_for(entry.id),
-            Some(text) => parse_color(text).ok_or_else(|| broken(&format!("colour '{text}' is not #rrggbb")))?,
+            Some(Color::Channels(channels)) => *channels,
+            Some(Color::Text(text)) => {
+                parse_color(text).ok_or_else(|| broken(&format!("colour '{text}' is not #rrggbb")))?
+            }
         };
         Ok(Label { id: entry.id, name: entry.name, color, parent: entry.parent })
     };
@@ -97,6 +110,17 @@ mod tests {
         assert_eq!(read_labels_json(dir.path()).unwrap(), Some(tree));
         let text = std::fs::read_to_string(dir.path().join("labels.json")).unwrap();
         assert!(text.contains(r##""color":"#000aff""##) && text.contains(r#""parent":null"#), "{text}");
+    }
+
+    #[test]
+    fn colours_in_every_form() {
+        let dir = tempfile::tempdir().unwrap();
+        let text =
+            r##"[{"id":1,"name":"a","color":"#0102ff"},{"id":2,"name":"b","color":[3,4,5]},{"id":3,"name":"c"}]"##;
+        std::fs::write(dir.path().join("labels.json"), text).unwrap();
+        let tree = read_labels_json(dir.path()).unwrap().unwrap();
+        let colors: Vec<[u8; 3]> = tree.iter().map(|label| label.color).collect();
+        assert_eq!(colors, [[1, 2, 255], [3, 4, 5], LabelTree::color_for(LabelId(3))]);
     }
 
     #[test]

@@ -105,4 +105,33 @@ mod tests {
         let moved = boundary_f(&truth, &rectangle(12, 10, 20, 20));
         assert!(moved > 0.4 && moved < 0.6, "{moved}");
     }
+
+    /// All pixels (x, y) with ((x − cx)·b)² + ((y − cy)·a)² ≤ (a·b)² of a frame of 200 × 150.
+    fn ellipse(cx: i64, cy: i64, a: i64, b: i64) -> Region {
+        let pixels = (0..150).flat_map(|y| (0..200).map(move |x| (x, y)));
+        let inside = pixels.map(|(x, y)| ((x - cx) * b).pow(2) + ((y - cy) * a).pow(2) <= (a * b).pow(2)).collect();
+        Region { width: 200, height: 150, inside }
+    }
+
+    #[test]
+    fn figures_of_an_independent_computation() {
+        // J and F by dilating boundary pictures with a disk in NumPy.
+        let truth = ellipse(100, 70, 60, 30);
+        let mut cut = truth.clone();
+        cut.subtract(&ellipse(130, 70, 15, 15));
+        let mut two = ellipse(60, 60, 25, 20);
+        two.unite(&ellipse(130, 80, 30, 25));
+        let cases = [
+            (&truth, ellipse(102, 71, 60, 30), 0.941_824_440_620, 0.947_802_197_802),
+            (&truth, cut, 0.874_313_065_059, 0.854_460_093_897),
+            (&truth, two, 0.481_303_335_919, 0.111_023_622_047),
+            (&ellipse(195, 146, 50, 40), ellipse(198, 147, 50, 40), 0.906_976_744_186, 0.464_846_269_619),
+            (&ellipse(0, 0, 32, 20), ellipse(2, 1, 30, 20), 0.920_913_884_007, 1.0),
+        ];
+        for (truth, result, j, f) in cases {
+            assert!((truth.iou(&result) - j).abs() < 1e-9, "{} {j}", truth.iou(&result));
+            assert!((boundary_f(truth, &result) - f).abs() < 1e-9, "{} {f}", boundary_f(truth, &result));
+            assert!((boundary_f(&result, truth) - f).abs() < 1e-9);
+        }
+    }
 }

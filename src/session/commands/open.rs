@@ -36,6 +36,7 @@ impl Session {
     pub(in crate::session) fn close(&mut self) -> Result<()> {
         self.discard_jobs();
         self.save()?;
+        self.preparing = None;
         let was_open = self.open.take().is_some() | self.inspected.take().is_some();
         if was_open {
             self.events.push(Event::Closed);
