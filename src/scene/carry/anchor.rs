@@ -48,6 +48,7 @@ pub fn trust(mask: &LabelMask, options: &CarryOptions) -> Vec<f32> {
         let below = if at + width >= distance.len() { border } else { distance[at + width] };
         distance[at] = distance[at].min(right.min(below).saturating_add(1));
     }
-    let weight = |d: u8| options.border_weight + (1.0 - options.border_weight) * f32::from(d) / f32::from(border.max(1));
+    let weight =
+        |d: u8| options.border_weight + (1.0 - options.border_weight) * f32::from(d) / f32::from(border.max(1));
     distance.into_iter().map(|d| if border == 0 { 1.0 } else { weight(d) }).collect()
 }
