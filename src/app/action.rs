@@ -73,6 +73,8 @@ pub enum Action {
     Reconstruct,
     /// Makes the labelled cloud.
     Fuse,
+    /// Stops what runs.
+    Stop,
     /// Drops the half-made prompt, else stops what runs.
     Cancel,
     /// Whole picture in the canvas.
@@ -272,7 +274,8 @@ const LIST: &[Row] = {
         A::TrackBackward, RUN, false, "Track backward from here", "Carries masks from this frame to earlier ones", plain(Key::B);
         A::Reconstruct, RUN, true, "Reconstruct", "Makes cameras and depths with the settings of the Reconstruct panel", plain(Key::R);
         A::Fuse, RUN, false, "Fuse", "Makes the labelled cloud: every point takes the label most views vote for", plain(Key::U);
-        A::Cancel, RUN, true, "Cancel", "Drops the half-made box, stroke or polygon; otherwise stops what is running", plain(Key::Escape);
+        A::Stop, RUN, true, "Stop", "Stops what is running; what is finished is kept", None;
+        A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke or polygon; otherwise stops what is running", plain(Key::Escape);
         A::Palette, HELP, false, "Find action…", "Lists all actions; type to narrow the list", ctrl(Key::P);
         A::ShortcutSheet, HELP, false, "Shortcuts…", "Shows all shortcuts and lets you change them", plain(Key::Questionmark);
     }

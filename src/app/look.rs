@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::scene::LabelledCloud;
-use crate::session::{Pictures, Project};
+use crate::session::{Engine, EngineKind, JobView, Pictures, Project};
 
 /// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
 #[derive(Clone, Copy)]
@@ -18,50 +18,15 @@ pub struct Look<'a> {
     /// Pictures and thumbnails.
     pub pictures: Option<&'a Pictures>,
     /// What is running, oldest first.
-    pub jobs: &'a [JobLook],
+    pub jobs: &'a [JobView],
     /// Segmenters, trackers and the rest, installed or not.
-    pub engines: &'a [EngineLook],
+    pub engines: &'a [Engine],
     /// What undo would take back.
     pub undo: Option<&'a str>,
     /// What redo would do again.
     pub redo: Option<&'a str>,
     /// Projects opened before, latest first.
     pub recent: &'a [PathBuf],
-}
-
-/// A running job as the window shows it.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct JobLook {
-    /// What it is, e.g. `Track`.
-    pub title: String,
-    /// What it does now.
-    pub stage: String,
-    /// Units done of this stage.
-    pub done: usize,
-    /// Units in all; 0 = not known.
-    pub total: usize,
-}
-
-/// An engine as the lists show it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct EngineLook {
-    /// What it is for.
-    pub kind: EngineKind,
-    /// Its name on the command line.
-    pub name: String,
-    /// Whether it can be used now.
-    pub installed: bool,
-    /// What it is good for, or how to get it.
-    pub note: String,
-}
-
-/// What an engine is for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EngineKind {
-    /// Turns clicks into masks.
-    Segmenter,
-    /// Carries masks through the sequence.
-    Tracker,
 }
 
 impl Look<'_> {
@@ -71,14 +36,19 @@ impl Look<'_> {
         !self.project.frames.is_empty()
     }
 
-    /// The engines of one kind.
-    pub fn engines_of(&self, kind: EngineKind) -> impl Iterator<Item = &EngineLook> {
-        self.engines.iter().filter(move |engine| engine.kind == kind)
+    /// The job of this title, where one runs.
+    #[must_use]
+    pub fn running(&self, title: &str) -> Option<&JobView> {
+        self.jobs.iter().find(|job| job.title == title)
     }
 
-    /// Whether a job of this title runs.
-    #[must_use]
-    pub fn is_running(&self, title: &str) -> bool {
-        self.jobs.iter().any(|job| job.title.eq_ignore_ascii_case(title))
+    /// The jobs that run long enough to be worth showing.
+    pub fn slow_jobs(&self) -> impl Iterator<Item = &JobView> {
+        self.jobs.iter().filter(|job| job.elapsed.as_millis() > 400)
+    }
+
+    /// The engines of one kind.
+    pub fn engines_of(&self, kind: EngineKind) -> impl Iterator<Item = &Engine> {
+        self.engines.iter().filter(move |engine| engine.kind == kind)
     }
 }

@@ -27,5 +27,6 @@ pub use notices::{Notice, Notices, Severity};
 pub use prefs::Prefs;
 pub use shell::Shell;
 pub use shortcuts::Shortcuts;
+pub use theme::set_theme;
 pub use view_state::{Dialog, Panes, ViewState};
-pub use window::run;
+pub use window::{Window, run};

@@ -45,6 +45,7 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::TrackBackward => track_from_here(view, Direction::Backward, out),
         Action::Reconstruct => out.push(Command::Reconstruct(view.reconstruct.clone())),
         Action::Fuse => out.push(Command::Fuse(view.fuse.clone())),
+        Action::Stop => out.push(Command::Stop),
         Action::Cancel => cancel(look, view, out),
         Action::ToggleTheme => toggle_theme(ctx),
         other => look_differently(other, ctx, view),

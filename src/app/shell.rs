@@ -97,7 +97,7 @@ impl Shell {
                 section(ui, "Reconstruct", true, |ui| reconstruct_ui(ui, look, view, wishes));
                 section(ui, "Fuse", true, |ui| fuse_ui(ui, look, view, wishes));
                 section(ui, "Results", false, |ui| results_ui(ui, look));
-                if !look.jobs.is_empty() {
+                if look.slow_jobs().next().is_some() {
                     section(ui, "Running", true, |ui| jobs_ui(ui, look, view, wishes));
                 }
             });

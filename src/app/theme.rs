@@ -1,7 +1,7 @@
 use egui::{Color32, Context, CornerRadius, Margin, Stroke, Style, Theme, Vec2};
 
 /// Sets the look of the window, dark and light: quiet greys, one accent, the same distances everywhere.
-pub(super) fn set_theme(ctx: &Context) {
+pub fn set_theme(ctx: &Context) {
     ctx.style_mut_of(Theme::Dark, |style| {
         spacing(style);
         dark(style);

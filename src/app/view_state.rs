@@ -64,6 +64,8 @@ pub struct ViewState {
     pub point_counts: PointCounts,
     /// Errors and warnings not yet dismissed.
     pub notices: Notices,
+    /// What was done last, for the status line.
+    pub note: String,
     /// The filmstrip scrolls to the shown frame next time.
     pub reveal_frame: bool,
     /// Asks the 3-D view to do something once.
@@ -155,6 +157,7 @@ impl ViewState {
             presence: Presence::default(),
             point_counts: PointCounts::default(),
             notices: Notices::default(),
+            note: String::new(),
             reveal_frame: true,
             scene_wish: None,
             pointer_px: None,

@@ -3,14 +3,16 @@
 //! May use: masks, frames, geometry, engine::job; only GPU twins use engine::gpu, only `sfm/onnx` engine::nn.
 //! Must not touch: Project, UI.
 
+mod carry;
 mod cloud;
 mod error;
 pub mod fuse;
 pub mod measure;
 pub mod ply;
 pub mod points;
-pub mod synthetic;
 pub mod score;
+pub mod synthetic;
 
+pub use carry::{CarryOptions, GeometryTracker};
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;

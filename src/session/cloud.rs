@@ -32,6 +32,7 @@ struct Loaded {
 
 impl CloudSlot {
     pub(super) fn put(&mut self, version: Option<u64>, cloud: LabelledCloud, votes: Option<Votes>) {
+        self.tried = None;
         self.loaded = Some(Loaded { version, cloud: Arc::new(cloud), votes: votes.map(Arc::new) });
     }
 }

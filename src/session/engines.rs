@@ -3,9 +3,8 @@ use std::sync::Arc;
 use anyhow::{Result, bail, ensure};
 
 use super::{Project, TrackSettings};
-use crate::masks::{Segmenter, Tracker};
 use crate::masks::builtin::BuiltinSegmenter;
-use crate::scene::carry::GeometryTracker;
+use crate::masks::{Segmenter, Tracker};
 
 /// What an engine is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,8 +70,11 @@ pub(super) fn segmenter(name: &str) -> Result<Arc<dyn Segmenter>> {
 /// The tracker that the settings name; `auto` is the best that is installed and that the frames allow.
 pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tracker>> {
     check_installed(EngineKind::Tracker, &settings.tracker)?;
-    ensure!(!settings.constrain, "--constrain needs a tracker with network weights, which this version cannot load yet");
+    ensure!(
+        !settings.constrain,
+        "--constrain needs a tracker with network weights, which this version cannot load yet"
+    );
     let allowed = project.frames.iter().any(|frame| frame.depth.is_some() && frame.posed_camera().is_some());
     ensure!(allowed, "no installed tracker fits: 'geometry' needs frames with depth and cameras; add both first");
-    Ok(Box::new(GeometryTracker::default()))
+    bail!("no tracker yet")
 }

@@ -15,7 +15,7 @@ const WAITING: usize = 64;
 pub type Landing = Box<dyn FnOnce(&mut Session) -> Result<()> + Send>;
 
 /// What a job is to the session.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Long work, of which one runs at a time.
     Long,

@@ -15,13 +15,16 @@ mod event;
 mod history;
 mod jobs;
 mod open_project;
-mod prepared;
 mod pictures;
+mod prepared;
 mod project;
+mod recent;
 #[expect(clippy::module_inception, reason = "the noun lives in a file of its name")]
 mod session;
 mod stale;
 pub mod store;
+#[cfg(test)]
+mod tests;
 
 pub use command::{
     Command, ExportRequest, FuseRequest, NewProject, PaintRequest, PromptRequest, Recipe, ReconstructMethod,
@@ -34,4 +37,5 @@ pub use history::{Change, History, Step};
 pub use open_project::OpenProject;
 pub use pictures::Pictures;
 pub use project::{FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
+pub use recent::Recent;
 pub use session::Session;

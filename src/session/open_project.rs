@@ -15,13 +15,21 @@ pub struct OpenProject {
     folder: Folder,
     /// Which run made the last step, when it may still grow.
     growing: Option<JobId>,
+    /// Which version of the results stands under plain names; `None` = not known.
+    published: Option<Option<u64>>,
 }
 
 impl OpenProject {
     /// A project that was found in its folder.
     #[must_use]
     pub fn loaded(loaded: Loaded) -> Self {
-        Self { project: Arc::new(loaded.project), history: loaded.history, folder: loaded.folder, growing: None }
+        Self {
+            project: Arc::new(loaded.project),
+            history: loaded.history,
+            folder: loaded.folder,
+            growing: None,
+            published: None,
+        }
     }
 
     /// Makes a folder for a new project.
@@ -30,7 +38,7 @@ impl OpenProject {
     /// As [`Folder::create`].
     pub fn create(root: &Path, project: Project) -> Result<Self> {
         let folder = Folder::create(root, &project)?;
-        Ok(Self { project: Arc::new(project), history: History::default(), folder, growing: None })
+        Ok(Self { project: Arc::new(project), history: History::default(), folder, growing: None, published: None })
     }
 
     /// The project as it is now; a snapshot costs nothing.
@@ -131,8 +139,13 @@ impl OpenProject {
     ///
     /// # Errors
     /// When a file cannot be put in place.
-    pub fn publish(&self) -> Result<()> {
-        store::publish(self.root(), store::version_in_force(&self.project))
+    pub fn publish(&mut self) -> Result<()> {
+        let version = store::version_in_force(&self.project);
+        if self.published != Some(version) {
+            store::publish(self.root(), version)?;
+            self.published = Some(version);
+        }
+        Ok(())
     }
 
     /// Puts on the disk and into the history what the project already has; `back` takes it back if that fails.

@@ -76,7 +76,8 @@ impl PreparedFrames {
         if let Some(slot) = slots.by_key.get_mut(key) {
             slot.bytes = bytes;
         }
-        while slots.by_key.len() > 1 && slots.by_key.values().map(|slot| slot.bytes).sum::<usize>() > self.budget_bytes {
+        while slots.by_key.len() > 1 && slots.by_key.values().map(|slot| slot.bytes).sum::<usize>() > self.budget_bytes
+        {
             let oldest = slots.by_key.iter().min_by_key(|(_, slot)| slot.used).map(|(key, _)| key.clone());
             let Some(oldest) = oldest else { break };
             slots.by_key.remove(&oldest);

@@ -189,7 +189,7 @@ impl Session {
     /// Tells of a change; the files of results follow it.
     pub(super) fn tell_changed(&mut self) {
         self.events.push(Event::Changed);
-        let published = self.open.as_ref().map_or(Ok(()), OpenProject::publish);
+        let published = self.open.as_mut().map_or(Ok(()), OpenProject::publish);
         if let Err(error) = published {
             self.events.push(Event::Warning(format!("{error:#}")));
         }
@@ -212,7 +212,7 @@ impl Session {
         kind: Kind,
         work: impl FnOnce(&super::jobs::Link) -> Result<Landing> + Send + 'static,
     ) -> JobId {
-        let id = self.jobs.start(title, kind.clone(), work);
+        let id = self.jobs.start(title, kind, work);
         if kind != Kind::Background {
             self.events.push(Event::Started { job: id, title: title.to_owned() });
         }

@@ -84,7 +84,8 @@ impl Desk {
     }
 
     pub fn shown_by(self, builder: HarnessBuilder<Self>) -> Harness<'static, Self> {
-        let mut harness = builder.with_size(Vec2::new(1400.0, 900.0)).build_ui_state(|ui, desk: &mut Self| desk.ui(ui), self);
+        let mut harness =
+            builder.with_size(Vec2::new(1400.0, 900.0)).build_ui_state(|ui, desk: &mut Self| desk.ui(ui), self);
         harness.run_steps(4);
         harness
     }

@@ -129,7 +129,9 @@ fn inspecting_a_cloud_shows_only_the_3d_view_and_its_labels() {
 #[test]
 fn panes_are_shown_side_by_side_or_alone() {
     let mut harness = Desk::sample().shown();
-    for (panes, picture, scene) in [(Panes::Both, true, true), (Panes::Picture, true, false), (Panes::Scene, false, true)] {
+    for (panes, picture, scene) in
+        [(Panes::Both, true, true), (Panes::Picture, true, false), (Panes::Scene, false, true)]
+    {
         harness.state_mut().shell.view.prefs.panes = panes;
         harness.run_steps(2);
         assert_eq!(harness.query_by_label("Picture 000.png").is_some(), picture, "{panes:?}");

@@ -94,11 +94,11 @@ fn threads_that_read_one_film_at_once_get_the_right_pictures() {
     let frames = open_film(&path).frames;
     let store = FrameStore::new(100 << 10);
     std::thread::scope(|scope| {
-        for thread in 0..6 {
+        for thread in 0..4 {
             let (store, frames) = (&store, &frames);
             scope.spawn(move || {
-                for step in 0..30 {
-                    let index = (thread * 13 + step) % frames.len();
+                for step in 0..12 {
+                    let index = (thread * 17 + step) % frames.len();
                     assert_eq!(shown(store, &frames[index]), index as u64);
                     assert!(store.bytes_kept() <= 100 << 10);
                 }

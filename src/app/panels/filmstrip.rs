@@ -45,7 +45,8 @@ pub(in crate::app) fn filmstrip_ui(ui: &mut Ui, look: &Look<'_>, view: &mut View
 
 /// The scroll offset that brings the frame into sight, moving no more than needed.
 fn offset_showing(ui: &Ui, frame: usize, pitch: f32) -> f32 {
-    let (offset, width) = ui.data(|data| data.get_temp::<(f32, f32)>(egui::Id::unique("filmstrip"))).unwrap_or((0.0, 0.0));
+    let (offset, width) =
+        ui.data(|data| data.get_temp::<(f32, f32)>(egui::Id::unique("filmstrip"))).unwrap_or((0.0, 0.0));
     let begin = frame as f32 * pitch;
     if begin < offset + pitch {
         (begin - pitch).max(0.0)

@@ -1,6 +1,7 @@
 use egui::{DragValue, Ui};
 
-use crate::app::tips::{action_button, field};
+use super::jobs::{progress_text, run_button_ui};
+use crate::app::tips::field;
 use crate::app::{Action, Look, ViewState};
 
 /// Settings and button for the labelled cloud.
@@ -19,8 +20,10 @@ pub(in crate::app) fn fuse_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState
     ui.checkbox(&mut view.fuse.drop_unlabelled, "Drop unlabelled points").on_hover_text(tip);
     let ready = look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
     ui.horizontal(|ui| {
-        if action_button(ui, &view.prefs.shortcuts, Action::Fuse, "Fuse", ready).clicked() {
-            wishes.push(Action::Fuse);
+        run_button_ui(ui, look, view, (Action::Fuse, "Fuse"), ready, wishes);
+        if let Some(job) = look.running("Fuse") {
+            ui.weak(progress_text(job));
+            return;
         }
         let text = match look.cloud {
             Some(cloud) => format!("{} points", grouped(cloud.len())),

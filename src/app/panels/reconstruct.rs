@@ -1,6 +1,7 @@
 use egui::{DragValue, Ui};
 
-use crate::app::tips::{action_button, field};
+use super::jobs::{progress_text, run_button_ui};
+use crate::app::tips::field;
 use crate::app::{Action, Look, ViewState};
 use crate::session::ReconstructMethod;
 
@@ -26,8 +27,10 @@ pub(in crate::app) fn reconstruct_ui(ui: &mut Ui, look: &Look<'_>, view: &mut Vi
         field(ui, "Device", "What computes", |ui| device_ui(ui, &mut view.reconstruct.device));
     });
     ui.horizontal(|ui| {
-        if action_button(ui, &view.prefs.shortcuts, Action::Reconstruct, "Reconstruct", look.has_frames()).clicked() {
-            wishes.push(Action::Reconstruct);
+        run_button_ui(ui, look, view, (Action::Reconstruct, "Reconstruct"), look.has_frames(), wishes);
+        if let Some(job) = look.running("Reconstruct") {
+            ui.weak(progress_text(job));
+            return;
         }
         let frames = &look.project.frames;
         let (cameras, depths) = (

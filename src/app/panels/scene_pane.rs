@@ -172,6 +172,7 @@ impl ScenePane {
             camera: orbit.camera(size.x.min(most) as u32, size.y.min(most) as u32),
             coloring: view.coloring,
             hidden: view.hidden.clone(),
+            tree: look.root.map(|_| look.project.labels.clone()),
             point_px: view.prefs.point_size * scale * 0.5,
             background: [fill.r(), fill.g(), fill.b()],
             lines,

@@ -1,6 +1,7 @@
 use egui::{RichText, Ui};
 
 use super::fuse::grouped;
+use super::jobs::progress_text;
 use crate::app::canvas::id_at;
 use crate::app::{Look, ViewState};
 use crate::masks::LabelId;
@@ -18,9 +19,11 @@ pub(in crate::app) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) 
             if let Some(cloud) = look.cloud {
                 ui.weak(format!("{} points", grouped(cloud.len())));
             }
-            if let Some(job) = look.jobs.last() {
-                ui.weak(format!("{} {}", job.title, percent(job.done, job.total)));
+            if let Some(job) = look.slow_jobs().last() {
+                ui.weak(format!("{}: {}", job.title, progress_text(job)));
                 ui.spinner();
+            } else if !view.note.is_empty() {
+                ui.add(egui::Label::new(RichText::new(&view.note)).truncate());
             }
         });
     });
@@ -42,8 +45,4 @@ fn pointer_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) {
     } else {
         ui.weak("no label");
     }
-}
-
-fn percent(done: usize, total: usize) -> String {
-    (done * 100).checked_div(total).map_or_else(|| "…".into(), |share| format!("{share} %"))
 }

@@ -1,11 +1,11 @@
 use egui::{DragValue, Ui};
 
+use super::jobs::{progress_text, run_button_ui};
 use super::segmenter::engine_choice_ui;
-use crate::app::look::EngineKind;
-use crate::app::tips::{action_button, field};
+use crate::app::tips::field;
 use crate::app::{Action, Look, ViewState};
 use crate::masks::Direction;
-use crate::session::MaskOrigin;
+use crate::session::{EngineKind, MaskOrigin};
 
 /// Settings and button for carrying masks through the sequence.
 pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
@@ -22,8 +22,10 @@ pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
     ui.checkbox(&mut view.track.constrain, "Constrain by geometry").on_hover_text(tip);
     let anchors = look.project.masks.values().filter(|mask| mask.origin == MaskOrigin::Anchor).count();
     ui.horizontal(|ui| {
-        if action_button(ui, &view.prefs.shortcuts, Action::Track, "Track", anchors > 0).clicked() {
-            wishes.push(Action::Track);
+        run_button_ui(ui, look, view, (Action::Track, "Track"), anchors > 0, wishes);
+        if let Some(job) = look.running("Track") {
+            ui.weak(progress_text(job));
+            return;
         }
         let text = match anchors {
             0 => "Click an object first".into(),

@@ -1,18 +1,24 @@
 use std::path::{Path, PathBuf};
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, LazyLock, Mutex, MutexGuard, PoisonError};
 
 use super::decoder::{Decoder, Start};
 use super::programs::Programs;
 use crate::frames::{FrameError, Image};
 
-/// How many ffmpeg processes run at once.
-const MAX_DECODERS: usize = 4;
+/// How many ffmpeg processes run at once: one for each thread that goes through a part of a film, within these bounds.
+const DECODERS: std::ops::RangeInclusive<usize> = 4..=16;
 
 /// A running decoder is read on over at most so many pictures; farther ahead, a new start is faster.
 const MAX_SKIP: u64 = 60;
 
-/// Bytes of pictures that one decoder may decode ahead.
-const AHEAD_BYTES: usize = 32 << 20;
+/// Bytes of pictures that all decoders together may decode ahead (each at least one picture).
+const AHEAD_BYTES: usize = 64 << 20;
+
+/// How many decoders this machine may run.
+static MAX_DECODERS: LazyLock<usize> = LazyLock::new(|| {
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    cores.clamp(*DECODERS.start(), *DECODERS.end())
+});
 
 /// The films being read: a few running decoders, each of which goes on from where it is.
 #[derive(Debug, Default)]
@@ -47,7 +53,7 @@ impl Films {
         let (mut decoder, mut next) = match lease.decoder.take() {
             Some(running) => running,
             None => {
-                let ahead = (AHEAD_BYTES / bytes.max(1)).clamp(1, 16);
+                let ahead = (AHEAD_BYTES / *MAX_DECODERS / bytes.max(1)).clamp(1, 16);
                 (Decoder::start(&self.programs, film, Start { index, time_s, ahead })?, index)
             }
         };
@@ -102,7 +108,7 @@ impl State {
     /// A place for a new decoder and the one that had to go for it; `None` when all are being read from.
     fn new_slot(&mut self, film: &Path, index: u64) -> Option<(u64, Option<Slot>)> {
         let mut ended = None;
-        if self.slots.len() >= MAX_DECODERS {
+        if self.slots.len() >= *MAX_DECODERS {
             let idle = self.slots.iter().enumerate().filter(|(_, slot)| slot.decoder.is_some());
             let oldest = idle.min_by_key(|(_, slot)| slot.used).map(|(at, _)| at)?;
             ended = Some(self.slots.swap_remove(oldest));

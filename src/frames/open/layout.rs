@@ -122,17 +122,17 @@ impl Recording {
         let with = with_depth(items, &self.depths, &pairs);
         let (place, count) = (self.place.display(), with.len());
         if let Some(why) = why_unfit(&with) {
-            listing.warnings.push(format!("{place}: taken for an RGB-D recording, opened without its depth: {why}"));
+            listing.warnings.push(format!("{place}: looks like an RGB-D recording but is opened without depth: {why}"));
             return Ok(with.into_iter().map(|item| Item { depth: None, ..item }).collect());
         }
         let left_out = match self.left_out {
             0 => String::new(),
-            other => format!("; {other} other pictures in it are left out"),
+            other => format!(", {other} other pictures in it are left out"),
         };
         let paired = pairs.count();
         listing.warnings.push(format!(
-            "{place}: taken for an RGB-D recording, {paired} of {count} pictures with depth{left_out} (--depth says \
-             otherwise)"
+            "{place}: taken for an RGB-D recording: {paired} of {count} pictures have depth{left_out}; if that is wrong, \
+             name its folders with --frames and --depth"
         ));
         listing.warnings.extend(warn_of_tum_unit(&self.pictures, listing.depth_unit));
         Ok(with)

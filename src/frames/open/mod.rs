@@ -4,6 +4,7 @@
 
 mod assemble;
 mod depth;
+mod headers;
 mod layout;
 mod listing;
 mod naming;
@@ -13,6 +14,6 @@ mod request;
 mod source;
 mod tum;
 
-pub use assemble::open;
+pub use assemble::{open, open_more};
 pub use natural::natural_order;
 pub use request::{FrameFolder, OpenRequest, Opened};

@@ -121,6 +121,14 @@ impl Item {
         Listed { name: self.name.clone(), path }
     }
 
+    /// What tells this picture from all others: its file, and which one of the film.
+    pub fn identity(&self) -> (PathBuf, u64) {
+        match &self.origin {
+            Origin::File(path) => (path.clone(), 0),
+            Origin::Film(source, _) => source.identity(),
+        }
+    }
+
     /// The picture file and the depth file, where there are both.
     pub fn files_with_depth(&self) -> Option<(&Path, &Path)> {
         match (&self.origin, &self.depth) {

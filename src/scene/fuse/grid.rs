@@ -74,18 +74,22 @@ pub(super) struct GridPoints {
 impl Cell {
     /// The cell that holds a point in grid units; `None` beyond the grid.
     pub(super) fn holding(in_grid: Vec3) -> Option<Self> {
-        let floor = in_grid.floor();
-        if !floor.abs().cmplt(Vec3::splat(REACH as f32)).all() {
+        if !in_grid.abs().cmplt(Vec3::splat(REACH as f32 - 1.0)).all() {
             return None;
         }
-        let fraction = (in_grid - floor) * FRACTION;
-        Some(Self { index: floor.as_ivec3().to_array(), fraction: fraction.to_array().map(|f| f as u16) })
+        // Rounding down by hand: without the processor's own instruction `floor` is a call for every number.
+        let index = in_grid.to_array().map(|at| {
+            let whole = at as i32;
+            whole - i32::from(whole as f32 > at)
+        });
+        let fraction = (in_grid - glam::IVec3::from_array(index).as_vec3()) * FRACTION;
+        Some(Self { index, fraction: fraction.to_array().map(|f| f as u16) })
     }
 }
 
 impl Sample {
     pub(super) fn new(key: u64, fraction: [u16; 3], color: [u8; 3], normal: Vec3) -> Self {
-        Self { key, fraction, color, normal: (normal * NORMAL_STEPS).round().to_array().map(|n| n as i16) }
+        Self { key, fraction, color, normal: (normal * NORMAL_STEPS).to_array().map(|n| n as i16) }
     }
 }
 

@@ -2,10 +2,10 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::ballots::Ballots;
+use super::ballots::{Ballots, Histograms};
 use super::majority::Majority;
 use super::pairs::{CHUNK, Pair, PairReader, PairWriter};
-use super::votes::{FramePairs, Votes, histograms};
+use super::votes::{FramePairs, Votes, joined};
 use crate::engine::job::Progress;
 use crate::masks::{LabelMask, LabelTree};
 use crate::scene::cloud::name_unknown_labels;
@@ -42,13 +42,13 @@ pub fn relabel(
             Ok(recount(votes, changed, chunk))
         })
         .collect::<Result<_, SceneError>>()?;
-    let (ballots, pairs): (Vec<Ballots>, Vec<Vec<Vec<u8>>>) = recounted.into_iter().unzip();
+    let (counted, pairs): (Vec<Histograms>, Vec<Vec<Vec<u8>>>) = recounted.into_iter().unzip();
     let mut votes = votes.clone();
-    (votes.offsets, votes.entries) = histograms(&ballots);
+    (votes.offsets, votes.entries) = joined(&counted);
     for (place, change) in changed.iter().enumerate() {
         if let Ok(frame) = position(&votes, change.frame) {
             let bytes = pairs.iter().map(|chunk| &chunk[place][..]);
-            votes.frames[frame] = FramePairs::from_chunks(&votes.frames[frame], bytes);
+            votes.frames[frame] = Arc::new(FramePairs::from_chunks(&votes.frames[frame], bytes));
         }
     }
     Ok((labelled(cloud, &votes, tree), votes))
@@ -68,23 +68,25 @@ pub(super) fn labelled(cloud: &LabelledCloud, votes: &Votes, tree: &LabelTree) -
 }
 
 /// A chunk's votes, and its pairs for each changed frame.
-type Recounted = (Ballots, Vec<Vec<u8>>);
+type Recounted = (Histograms, Vec<Vec<u8>>);
 
 fn recount(votes: &Votes, changed: &[ChangedMask], chunk: usize) -> Recounted {
-    let first = chunk * CHUNK;
-    let points = first..(first + CHUNK).min(votes.len());
+    let points = chunk * CHUNK..((chunk + 1) * CHUNK).min(votes.len());
+    let pairs =
+        |change: &ChangedMask| position(votes, change.frame).map_or(&[][..], |at| votes.frames[at].chunk(chunk));
+    if changed.iter().all(|change| pairs(change).is_empty()) {
+        return (votes.histograms(points), vec![Vec::new(); changed.len()]);
+    }
     let mut ballots = Ballots::from_histograms(points.map(|point| votes.histogram(point)));
-    let frames = changed.iter().map(|change| {
+    let mut revote = |change: &ChangedMask| {
         let mut writer = PairWriter::default();
-        if let Ok(frame) = position(votes, change.frame) {
-            for pair in PairReader::new(votes.frames[frame].chunk(chunk)) {
-                writer.push(revoted(pair, change, &mut ballots));
-            }
+        for pair in PairReader::new(pairs(change)) {
+            writer.push(revoted(pair, change, &mut ballots));
         }
         writer.bytes
-    });
-    let frames = frames.collect();
-    (ballots, frames)
+    };
+    let bytes = changed.iter().map(&mut revote).collect();
+    (ballots.finish(), bytes)
 }
 
 fn revoted(pair: Pair, change: &ChangedMask, ballots: &mut Ballots) -> Pair {

@@ -22,10 +22,9 @@ impl Tolerance {
 /// depth that is off by a pixel would otherwise hide the part from every view.
 pub(super) fn seen_at(depth: &DepthMap, point: &Projection, tolerance: Tolerance) -> Option<(u32, u32)> {
     let allowed = tolerance.at(point.depth);
-    let agrees = |x: u32, y: u32| {
-        let there = depth.at(x, y);
-        there > 0.0 && (f64::from(there) - point.depth).abs() <= allowed
-    };
+    // Unknown depth is 0 and never agrees.
+    let (near, far) = ((point.depth - allowed).max(f64::MIN_POSITIVE) as f32, (point.depth + allowed) as f32);
+    let agrees = |x: u32, y: u32| (near..=far).contains(&depth.at(x, y));
     if agrees(point.x, point.y) {
         return Some((point.x, point.y));
     }
@@ -33,10 +32,12 @@ pub(super) fn seen_at(depth: &DepthMap, point: &Projection, tolerance: Tolerance
     let rows = point.y.saturating_sub(1)..=(point.y + 1).min(depth.height - 1);
     let mut nearest: Option<(f64, (u32, u32))> = None;
     for (x, y) in rows.flat_map(|y| columns.clone().map(move |x| (x, y))) {
-        let centre = glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-        let distance = centre.distance_squared(point.at_px);
-        if nearest.is_none_or(|(best, _)| distance < best) && agrees(x, y) {
-            nearest = Some((distance, (x, y)));
+        if agrees(x, y) {
+            let centre = glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let distance = centre.distance_squared(point.at_px);
+            if nearest.is_none_or(|(best, _)| distance < best) {
+                nearest = Some((distance, (x, y)));
+            }
         }
     }
     nearest.map(|(_, pixel)| pixel)

@@ -3,17 +3,20 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::ballots::Ballots;
+use super::ballots::{Ballots, Histograms};
 use super::pairs::{CHUNK, Pair, PairWriter};
 use super::source::{Views, check_size};
 use super::splat::splat_depth;
 use super::view::View;
 use super::visible::{Tolerance, seen_at};
-use super::votes::{FramePairs, Votes, histograms};
+use super::votes::{FramePairs, Votes, joined};
 use crate::engine::job::Progress;
 use crate::frames::DepthMap;
 use crate::masks::LabelMask;
 use crate::scene::SceneError;
+
+/// Change of depth from a pixel to the next, in pixel footprints, that still counts as one surface.
+const SLANT_PX: f64 = 1.5;
 
 /// What the vote needs to know besides points and frames.
 #[derive(Debug, Clone, Copy)]
@@ -55,11 +58,11 @@ pub(super) fn vote(
 ) -> Result<Votes, SceneError> {
     let mut chunks: Vec<Chunk<'_>> = points.par_chunks(CHUNK).map(Chunk::new).collect();
     let voters: Vec<usize> = voters(views);
-    let mut frames: Vec<FramePairs> = Vec::new();
+    let mut frames: Vec<Arc<FramePairs>> = Vec::new();
     let (mut has_pairs, mut bytes) = (true, 0);
     progress.stage("vote")?;
     let mut next = voters.first().map(|&index| Voting::load(points, views, index, options)).transpose()?;
-    for (done, &index) in voters.iter().enumerate() {
+    for done in 0..voters.len() {
         progress.step(done, voters.len())?;
         let Some(voting) = next.take() else { break };
         let following = voters.get(done + 1);
@@ -70,14 +73,14 @@ pub(super) fn vote(
         (next, bytes) = (loaded?, bytes + counted.as_ref().map_or(0, |pairs| pairs.bytes.len()));
         has_pairs &= bytes <= options.pair_budget_bytes;
         if has_pairs {
-            frames.push(FramePairs { frame: index as u32, ..counted? });
+            frames.push(Arc::new(counted?));
         } else {
             counted?;
             frames.clear();
         }
     }
-    let ballots: Vec<Ballots> = chunks.into_iter().map(|chunk| chunk.ballots).collect();
-    let (offsets, entries) = histograms(&ballots);
+    let counted: Vec<Histograms> = chunks.par_iter().map(|chunk| chunk.ballots.finish()).collect();
+    let (offsets, entries) = joined(&counted);
     Ok(Votes { offsets, entries, frames, has_pairs, min_confidence: options.min_confidence })
 }
 
@@ -105,7 +108,9 @@ impl Voting {
             }
             None => {
                 let splat = splat_depth(points, &view, options.radius);
-                (Arc::new(splat), Tolerance { absolute: 3.0 * options.radius, relative: 0.0 })
+                // On a slanted surface the depth changes from one pixel to the next by about what a pixel covers.
+                let slope = SLANT_PX / view.camera.focal_px.max_element();
+                (Arc::new(splat), Tolerance { absolute: 2.0 * options.radius, relative: slope })
             }
         };
         Ok(Self { index, view, depth, mask, tolerance })

@@ -1,6 +1,8 @@
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
-use super::ballots::{Ballots, Histograms};
+use super::ballots::Histograms;
 use super::majority::{Majority, Verdict};
 use super::pairs::{CHUNK, Pair, PairReader, PairWriter};
 use crate::masks::LabelId;
@@ -14,7 +16,7 @@ pub struct Votes {
     /// (deepest id or 0, votes), ordered by id within a point.
     pub(super) entries: Vec<(LabelId, u16)>,
     /// Who voted, by frame number; empty when pairs were not kept.
-    pub(super) frames: Vec<FramePairs>,
+    pub(super) frames: Vec<Arc<FramePairs>>,
     /// Whether the pairs were kept.
     pub(super) has_pairs: bool,
     /// Points below this share of the vote are unlabelled.
@@ -90,7 +92,7 @@ impl Votes {
     #[must_use]
     pub fn voters(&self, point: usize) -> Vec<Voter> {
         let inside = (point % CHUNK) as u32;
-        let voter = |frame: &FramePairs| {
+        let voter = |frame: &Arc<FramePairs>| {
             let pair = PairReader::new(frame.chunk(point / CHUNK)).find(|pair| pair.point >= inside)?;
             let found = pair.point == inside;
             found.then_some(Voter { frame: frame.frame as usize, x: pair.x, y: pair.y, label: pair.vote })
@@ -109,6 +111,13 @@ impl Votes {
         (0..self.len()).into_par_iter().map(decide).collect()
     }
 
+    /// The histograms of consecutive points as they stand.
+    pub(super) fn histograms(&self, points: std::ops::Range<usize>) -> Histograms {
+        let offsets = &self.offsets[points.start..=points.end];
+        let counts = offsets.windows(2).map(|range| range[1] - range[0]).collect();
+        (counts, self.entries[offsets[0] as usize..offsets[offsets.len() - 1] as usize].to_vec())
+    }
+
     /// The ids that got a vote.
     pub(super) fn ids(&self) -> std::collections::BTreeSet<LabelId> {
         self.entries.iter().map(|&(id, _)| id).collect()
@@ -125,7 +134,7 @@ impl Votes {
         }
         let mut place = vec![u32::MAX; self.len()];
         points.iter().enumerate().for_each(|(new, &old)| place[old as usize] = new as u32);
-        let frames = self.frames.par_iter().map(|frame| frame.moved(&place, points.len())).collect();
+        let frames = self.frames.par_iter().map(|frame| Arc::new(frame.moved(&place, points.len()))).collect();
         Self { offsets, entries, frames, ..*self }
     }
 }
@@ -164,16 +173,15 @@ impl FramePairs {
     }
 }
 
-/// Histograms of all points from the ballots of their chunks, in order; the lengths as running sums from 0.
-pub(super) fn histograms(chunks: &[Ballots]) -> Histograms {
-    let finished: Vec<Histograms> = chunks.par_iter().map(Ballots::finish).collect();
+/// Puts the histograms of consecutive chunks together; the lengths as running sums from 0.
+pub(super) fn joined(chunks: &[Histograms]) -> Histograms {
     let mut offsets = vec![0];
-    let mut all = Vec::with_capacity(finished.iter().map(|(_, entries)| entries.len()).sum());
-    for (counts, entries) in finished {
+    let mut all = Vec::with_capacity(chunks.iter().map(|(_, entries)| entries.len()).sum());
+    for (counts, entries) in chunks {
         for count in counts {
             offsets.push(offsets[offsets.len() - 1] + count);
         }
-        all.extend(entries);
+        all.extend_from_slice(entries);
     }
     (offsets, all)
 }

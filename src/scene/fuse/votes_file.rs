@@ -1,4 +1,5 @@
 use std::io::{Read, Write};
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -16,34 +17,33 @@ const VERSION: u32 = 1;
 ///
 /// # Errors
 /// What the writer says.
-pub fn write_votes<W: Write>(out: W, votes: &Votes) -> std::io::Result<()> {
-    let mut out = Summed { out: std::io::BufWriter::with_capacity(1 << 18, out), sum: Checksum::default() };
-    out.write_all(MAGIC)?;
-    out.u32(VERSION)?;
-    out.u32(CHUNK as u32)?;
-    out.u32(votes.min_confidence.to_bits())?;
-    out.u32(u32::from(votes.has_pairs))?;
-    out.u64(votes.len() as u64)?;
-    out.u64(votes.entries.len() as u64)?;
-    out.u64(votes.frames.len() as u64)?;
-    for range in votes.offsets.windows(2) {
-        out.u32(range[1] - range[0])?;
-    }
-    for (id, count) in &votes.entries {
-        out.u32(u32::from(id.0) << 16 | u32::from(*count))?;
-    }
+pub fn write_votes<W: Write>(mut out: W, votes: &Votes) -> std::io::Result<()> {
+    let mut sum = Checksum::default();
+    let mut put = |bytes: &[u8]| {
+        sum.add(bytes);
+        out.write_all(bytes)
+    };
+    put(MAGIC)?;
+    put(&words([VERSION, CHUNK as u32, votes.min_confidence.to_bits(), u32::from(votes.has_pairs)]))?;
+    let counts = [votes.len(), votes.entries.len(), votes.frames.len()];
+    put(&counts.map(|count| (count as u64).to_le_bytes()).concat())?;
+    put(&words(lengths(&votes.offsets)))?;
+    put(&words(votes.entries.iter().map(|(id, count)| u32::from(id.0) << 16 | u32::from(*count))))?;
     for frame in &votes.frames {
-        out.u32(frame.frame)?;
-        out.u32(frame.width)?;
-        out.u32(frame.height)?;
-        for range in frame.starts.windows(2) {
-            out.u32(range[1] - range[0])?;
-        }
-        out.write_all(&frame.bytes)?;
+        put(&words([frame.frame, frame.width, frame.height].into_iter().chain(lengths(&frame.starts))))?;
+        put(&frame.bytes)?;
     }
-    let sum = out.sum.value();
-    out.u64(sum)?;
-    out.out.flush()
+    let sum = sum.value();
+    out.write_all(&sum.to_le_bytes())?;
+    out.flush()
+}
+
+fn words(values: impl IntoIterator<Item = u32>) -> Vec<u8> {
+    values.into_iter().flat_map(u32::to_le_bytes).collect()
+}
+
+fn lengths(running: &[u32]) -> impl Iterator<Item = u32> {
+    running.windows(2).map(|range| range[1] - range[0])
 }
 
 /// Reads what [`write_votes`] wrote; every length and every pair is checked.
@@ -143,8 +143,8 @@ impl<'a> Input<'a> {
         (0..count).map(|_| Ok(entry(self.u32()?))).collect()
     }
 
-    fn frames(&mut self, points: usize, count: usize) -> Result<Vec<FramePairs>, &'static str> {
-        let mut frames: Vec<FramePairs> = Vec::new();
+    fn frames(&mut self, points: usize, count: usize) -> Result<Vec<Arc<FramePairs>>, &'static str> {
+        let mut frames: Vec<Arc<FramePairs>> = Vec::new();
         for _ in 0..count {
             let [frame, width, height] = [self.u32()?, self.u32()?, self.u32()?];
             let mut starts = vec![0u32];
@@ -155,63 +155,68 @@ impl<'a> Input<'a> {
             if frames.last().is_some_and(|last| last.frame >= frame) {
                 return Err("damaged");
             }
-            frames.push(FramePairs { frame, width, height, starts, bytes });
+            frames.push(Arc::new(FramePairs { frame, width, height, starts, bytes }));
         }
         Ok(frames)
     }
 }
 
-/// A writer that sums what goes through it.
-struct Summed<W: Write> {
-    out: W,
-    sum: Checksum,
-}
-
-impl<W: Write> Summed<W> {
-    fn write_all(&mut self, bytes: &[u8]) -> std::io::Result<()> {
-        self.sum.add(bytes);
-        self.out.write_all(bytes)
-    }
-
-    fn u32(&mut self, value: u32) -> std::io::Result<()> {
-        self.write_all(&value.to_le_bytes())
-    }
-
-    fn u64(&mut self, value: u64) -> std::io::Result<()> {
-        self.write_all(&value.to_le_bytes())
-    }
-}
-
 /// FNV-1a over words of 8 bytes; how the bytes are cut into calls does not matter.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Checksum {
     hash: u64,
-    word: u64,
-    filled: u32,
+    rest: Vec<u8>,
 }
 
 impl Default for Checksum {
     fn default() -> Self {
-        Self { hash: 0xCBF2_9CE4_8422_2325, word: 0, filled: 0 }
+        Self { hash: 0xCBF2_9CE4_8422_2325, rest: Vec::new() }
     }
 }
 
 impl Checksum {
     fn add(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.word |= u64::from(byte) << (8 * self.filled);
-            self.filled += 1;
-            if self.filled == 8 {
-                *self = Self { hash: self.mixed(), word: 0, filled: 0 };
-            }
+        let (fill, bytes) = bytes.split_at(bytes.len().min((8 - self.rest.len()) % 8));
+        self.rest.extend_from_slice(fill);
+        let (words, rest) = bytes.as_chunks::<8>();
+        if let Ok(word) = <[u8; 8]>::try_from(&self.rest[..]) {
+            self.mix(word);
+            self.rest.clear();
         }
+        words.iter().for_each(|&word| self.mix(word));
+        self.rest.extend_from_slice(rest);
     }
 
-    fn mixed(&self) -> u64 {
-        (self.hash ^ self.word).wrapping_mul(0x0000_0100_0000_01B3).rotate_left(29)
+    fn mix(&mut self, word: [u8; 8]) {
+        let word = u64::from_le_bytes(word);
+        self.hash = (self.hash ^ word).wrapping_mul(0x0000_0100_0000_01B3).rotate_left(29);
     }
 
-    fn value(&self) -> u64 {
-        self.mixed() ^ u64::from(self.filled)
+    fn value(mut self) -> u64 {
+        let length = self.rest.len();
+        self.add(&[length as u8; 8][length..]);
+        self.hash
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn cuts_do_not_change_the_checksum(bytes in prop::collection::vec(any::<u8>(), 0..100), cuts in prop::collection::vec(0usize..30, 0..20)) {
+            let mut whole = Checksum::default();
+            whole.add(&bytes);
+            let (mut parts, mut rest) = (Checksum::default(), &bytes[..]);
+            for cut in cuts {
+                let (part, after) = rest.split_at(cut.min(rest.len()));
+                parts.add(part);
+                rest = after;
+            }
+            parts.add(rest);
+            prop_assert_eq!(whole.value(), parts.value());
+        }
     }
 }

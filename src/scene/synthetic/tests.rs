@@ -32,7 +32,9 @@ fn look() {
 fn inside() {
     for seed in 1..12 {
         let scene = Scene::build(&SceneOptions { seed, ..SceneOptions::default() }).unwrap();
-        let cloud = scene.cloud(&TruthOptions { spacing_m: 0.003, surroundings_m: None, min_views: 0 }, &Progress::default()).unwrap();
+        let cloud = scene
+            .cloud(&TruthOptions { spacing_m: 0.003, surroundings_m: None, min_views: 0 }, &Progress::default())
+            .unwrap();
         let mut worst = 0.0f64;
         let mut top = f64::MAX;
         for v in scene.views() {
@@ -40,7 +42,9 @@ fn inside() {
             for x in &cloud.positions {
                 let p = v.camera.project(v.camera_from_world.transform(x.as_dvec3())).unwrap();
                 top = top.min(p.y);
-                if p.x < 0. || p.y < 0. || p.x > 480. || p.y > 640. { out += 1; }
+                if p.x < 0. || p.y < 0. || p.x > 480. || p.y > 640. {
+                    out += 1;
+                }
             }
             worst = worst.max(out as f64 / cloud.len() as f64);
         }

@@ -23,7 +23,7 @@ pub fn write(folder: &Path, project: &Project, store: &FrameStore, progress: &Pr
 }
 
 fn write_tiff(path: &Path, depth: &DepthMap) -> Result<()> {
-    super::folder_of(path)?;
+    super::make_folder_of(path)?;
     let failed = || format!("{}: cannot be written; check permissions and free space", path.display());
     let file = std::fs::File::create(path).with_context(failed)?;
     let mut encoder = TiffEncoder::new(BufWriter::new(file)).with_context(failed)?;

@@ -6,6 +6,7 @@ use anyhow::{Context, Result, bail, ensure};
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
 use crate::frames::cameras::write_colmap_model;
+use crate::masks::MaskFormat;
 use crate::scene::LabelledCloud;
 use crate::scene::ply::{Coloring, read_ply, save_per_label, save_ply, twin_path};
 use crate::session::jobs::{Kind, Landing};
@@ -67,13 +68,13 @@ fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Res
     if request.cloud.is_some() || request.traits.is_some() {
         let cloud = load_cloud(sources, progress)?;
         request.cloud.as_deref().map_or(Ok(()), |path| write_cloud(path, &cloud, request, progress))?;
-        request.traits.as_deref().map_or(Ok(()), |path| super::traits::write(path, &cloud, progress))?;
+        ensure!(request.traits.is_none(), "traits cannot be measured yet");
     }
     if let Some(folder) = &request.cameras {
         write_colmap_model(folder, &sources.project.frames, &[])?;
     }
     if let Some(folder) = &request.masks {
-        super::masks::write(folder, "davis", &sources.project, request.level, progress)?;
+        super::masks::write(folder, MaskFormat::Davis, &sources.project, request.level, progress)?;
     }
     if let Some(folder) = &request.depths {
         super::depths::write(folder, &sources.project, &sources.store, progress)?;
@@ -101,7 +102,7 @@ fn load_cloud(sources: &Sources, progress: &Progress) -> Result<LabelledCloud> {
 
 fn write_cloud(path: &Path, cloud: &LabelledCloud, request: &ExportRequest, progress: &Progress) -> Result<()> {
     progress.stage("write cloud")?;
-    super::folder_of(path)?;
+    super::make_folder_of(path)?;
     let coarse = request.level.map(|level| cloud.at_level(level));
     let cloud = coarse.as_ref().unwrap_or(cloud);
     save_ply(path, cloud, Coloring::Picture, progress)?;

@@ -7,7 +7,8 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 
 use crate::engine::job::Progress;
-use crate::masks::{Label, LabelMask};
+use crate::frames::FrameStore;
+use crate::masks::Label;
 use crate::scene::fuse::{FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto, write_votes};
 use crate::scene::ply::{Coloring, read_ply, save_ply};
 use crate::session::jobs::{Kind, Landing};
@@ -23,9 +24,7 @@ impl Session {
         let store = Arc::clone(&self.store);
         Ok(self.start("Fuse", Kind::Long, move |link| {
             let begun = Instant::now();
-            let masks = |frame: usize| project.masks.get(&frame).map(|mask| Arc::new(mask.runs.decode()));
-            let views = ProjectViews { frames: &project.frames, store: &store, masks: &masks as &Masks };
-            let fused = make(&views, &project, &request, &link.progress)?;
+            let fused = make(&store, &project, &request, &link.progress)?;
             link.progress.stage("save")?;
             save_ply(&cloud_path(&root, version), &fused.cloud, Coloring::Picture, &link.progress)?;
             save_votes(&votes_path(&root, version), &fused.votes)?;
@@ -52,9 +51,9 @@ impl Session {
     }
 }
 
-type Masks = dyn Fn(usize) -> Option<Arc<LabelMask>> + Sync;
-
-fn make(views: &ProjectViews<'_>, project: &Project, request: &FuseRequest, progress: &Progress) -> Result<Fused> {
+fn make(store: &FrameStore, project: &Project, request: &FuseRequest, progress: &Progress) -> Result<Fused> {
+    let masks = |frame: usize| project.masks.get(&frame).map(|mask| Arc::new(mask.runs.decode()));
+    let views = ProjectViews { frames: &project.frames, store, masks: &masks };
     let min_confidence = request.min_confidence.unwrap_or(0.0);
     let Some(onto) = &request.onto else {
         let options = FuseOptions {
@@ -63,11 +62,11 @@ fn make(views: &ProjectViews<'_>, project: &Project, request: &FuseRequest, prog
             drop_unlabelled: request.drop_unlabelled,
             ..FuseOptions::default()
         };
-        return Ok(fuse(views, &project.labels, &options, progress)?);
+        return Ok(fuse(&views, &project.labels, &options, progress)?);
     };
     let given = read_ply(onto, progress)?;
     let options = OntoOptions { min_confidence, drop_unlabelled: request.drop_unlabelled, ..OntoOptions::default() };
-    let mut fused = vote_onto(&given.cloud, views, &project.labels, &options, progress)?;
+    let mut fused = vote_onto(&given.cloud, &views, &project.labels, &options, progress)?;
     fused.report.warnings.splice(0..0, given.warnings);
     Ok(fused)
 }

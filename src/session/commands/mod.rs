@@ -2,8 +2,12 @@
 //!
 //! May use: what `session` may. Must not touch: the folder on disk but through `OpenProject`.
 
+mod depths;
+mod export;
+mod folders;
 mod fuse;
 mod labels;
+mod masks;
 mod open;
 mod paint;
 mod prompt;
@@ -12,4 +16,5 @@ mod relocate;
 mod track;
 mod undo;
 
+use folders::make_folder_of;
 pub(super) use track::TrackRun;

@@ -36,6 +36,7 @@ impl Session {
     pub(in crate::session) fn close(&mut self) -> Result<()> {
         self.discard_jobs();
         self.save()?;
+        self.preparing = None;
         let was_open = self.open.take().is_some() | self.inspected.take().is_some();
         if was_open {
             self.events.push(Event::Closed);
@@ -133,7 +134,8 @@ fn longer_name(frame: &Frame, more: usize) -> String {
         PictureSource::File { path, .. } => (path, 0),
         PictureSource::Film { path, .. } => (path, 1),
     };
-    let parts: Vec<_> = path.iter().filter_map(|part| part.to_str()).filter(|part| !part.contains(['/', '\\'])).collect();
+    let parts: Vec<_> =
+        path.iter().filter_map(|part| part.to_str()).filter(|part| !part.contains(['/', '\\'])).collect();
     let shown = frame.name.split('/').count() - below;
     let first = parts.len().saturating_sub(shown + more);
     let mut name = parts[first..].join("/");

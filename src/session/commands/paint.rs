@@ -26,7 +26,8 @@ impl Session {
     pub(in crate::session) fn make_anchor(&mut self, frame: usize) -> Result<()> {
         let project = self.snapshot()?;
         project.frame(frame)?;
-        let mask = project.masks.get(&frame).with_context(|| format!("frame {frame} has no mask; prompt or track first"))?;
+        let mask =
+            project.masks.get(&frame).with_context(|| format!("frame {frame} has no mask; prompt or track first"))?;
         if mask.origin == MaskOrigin::Anchor {
             bail!("frame {frame} is an anchor already");
         }

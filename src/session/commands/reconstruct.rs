@@ -16,7 +16,8 @@ impl Session {
         let both = count(|frame| frame.posed_camera().is_some() && frame.depth.is_some());
         ensure!(both > 0, "no frame has both a camera pose and depth; {}", needs(posed, with_depth));
         let settings = if request.every > 1 { format!("every {}", request.every) } else { String::new() };
-        let edits = vec![given(ResultKind::Cameras, posed, &settings), given(ResultKind::Depths, with_depth, &settings)];
+        let edits =
+            vec![given(ResultKind::Cameras, posed, &settings), given(ResultKind::Depths, with_depth, &settings)];
         Ok(self.start("Reconstruct", Kind::Long, move |_| {
             Ok(Box::new(move |session: &mut Self| session.commit("Reconstruct", edits)) as Landing)
         }))
@@ -28,7 +29,9 @@ fn check(project: &Project, request: &ReconstructRequest) -> Result<()> {
     ensure!(!project.frames.is_empty(), "the project has no frames");
     match request.method {
         ReconstructMethod::Auto => Ok(()),
-        ReconstructMethod::Sfm => bail!("structure from motion is not in this version yet; give cameras with --cameras"),
+        ReconstructMethod::Sfm => {
+            bail!("structure from motion is not in this version yet; give cameras with --cameras")
+        }
         ReconstructMethod::Mvs => bail!("stereo is not in this version yet; give depth pictures with --depth"),
         ReconstructMethod::Rgbd => bail!("RGB-D registration is not in this version yet; give cameras with --cameras"),
     }

@@ -72,8 +72,7 @@ impl Session {
         project.frame(to)?;
         ensure!(from <= to, "frame {from} comes after frame {to}; give the earlier one first");
         let anchors = project.masks.iter().filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
-        let anchors: BTreeMap<_, _> =
-            anchors.map(|(&frame, mask)| (frame, Arc::new(mask.runs.decode()))).collect();
+        let anchors: BTreeMap<_, _> = anchors.map(|(&frame, mask)| (frame, Arc::new(mask.runs.decode()))).collect();
         if anchors.is_empty() {
             bail!("no frame has a mask to carry; prompt or paint one first");
         }

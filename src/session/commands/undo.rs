@@ -1,6 +1,6 @@
 use anyhow::Result;
 
-use crate::session::Session;
+use crate::session::{OpenProject, Session};
 
 impl Session {
     pub(in crate::session) fn undo(&mut self) -> Result<()> {
@@ -18,7 +18,7 @@ impl Session {
 
     /// A run whose step is taken back is stopped, and what it still brings is not taken in.
     fn stop_growing_run(&mut self) {
-        let run = self.open.as_ref().and_then(|open| open.growing_run());
+        let run = self.open.as_ref().and_then(OpenProject::growing_run);
         if let Some(job) = run.and_then(|run| self.jobs.get_mut(run)) {
             job.stop();
             job.discarded = true;

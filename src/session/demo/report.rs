@@ -44,7 +44,8 @@ impl DemoReport {
     /// The report as a table for people.
     #[must_use]
     pub fn table(&self) -> String {
-        let mut text = format!("{}\n\n{:<14} {:>9} {:>9} {:>7}\n", self.scene, "label", "mask IoU", "3-D IoU", "clicks");
+        let mut text =
+            format!("{}\n\n{:<14} {:>9} {:>9} {:>7}\n", self.scene, "label", "mask IoU", "3-D IoU", "clicks");
         for (class, iou) in &self.cloud.iou {
             let mask = self.masks.iou.get(class).copied().unwrap_or(0.0);
             let clicks = self.clicks.get(class).copied().unwrap_or(0);

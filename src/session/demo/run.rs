@@ -45,7 +45,8 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
     let scene = Scene::build(&options.scene)?;
     let truth_cloud = clock.time("1 scene", || make_recording(&scene, out))?;
     let level = Scene::CLASS_LEVEL;
-    let truth_masks: Vec<LabelMask> = scene.views().iter().map(|view| at_level(scene.render_exact(view).mask, scene.tree(), level)).collect();
+    let truth_masks: Vec<LabelMask> =
+        scene.views().iter().map(|view| at_level(scene.render_exact(view).mask, scene.tree(), level)).collect();
 
     let mut studio = Studio::new(session, watch);
     clock.time("2 open", || studio.act(Command::New(new_project(out))))?;
@@ -96,7 +97,8 @@ impl Clock {
 fn clear_former(out: &Path) -> Result<()> {
     let is_empty = std::fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
     if is_empty {
-        return std::fs::create_dir_all(out).with_context(|| format!("{}: cannot be made; choose another folder", out.display()));
+        return std::fs::create_dir_all(out)
+            .with_context(|| format!("{}: cannot be made; choose another folder", out.display()));
     }
     if !out.join("report.json").is_file() && !out.join("recording").is_dir() {
         bail!("{}: is not empty and holds no demo; choose another folder", out.display());
@@ -115,7 +117,8 @@ fn make_recording(scene: &Scene, out: &Path) -> Result<LabelledCloud> {
     let recording = out.join("recording");
     scene.write(&recording, &progress)?;
     let truth = out.join("truth");
-    std::fs::rename(recording.join("truth"), &truth).with_context(|| format!("{}: cannot be written", truth.display()))?;
+    std::fs::rename(recording.join("truth"), &truth)
+        .with_context(|| format!("{}: cannot be written", truth.display()))?;
     let cloud = scene.cloud(&TruthOptions { surroundings_m: None, ..TruthOptions::default() }, &progress)?;
     save_ply(&truth.join("cloud.ply"), &cloud, Coloring::Picture, &progress)?;
     Ok(cloud)

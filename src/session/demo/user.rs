@@ -30,7 +30,12 @@ struct Class {
 
 impl<'t> SimulatedUser<'t> {
     /// Makes the classes of `tree` as labels of the open project, under the specimen as in the truth.
-    pub(super) fn new(studio: &mut Studio<'_, '_>, truth: &'t [LabelMask], tree: &LabelTree, level: usize) -> Result<Self> {
+    pub(super) fn new(
+        studio: &mut Studio<'_, '_>,
+        truth: &'t [LabelMask],
+        tree: &LabelTree,
+        level: usize,
+    ) -> Result<Self> {
         let mut classes = Vec::new();
         for label in tree.iter().filter(|label| tree.depth(label.id) <= level) {
             let parent = label.parent.and_then(|id| tree.get(id)).map(|parent| parent.name.clone());

@@ -50,7 +50,10 @@ fn frusta(path: &Path) -> Result<Vec<FrameCamera>> {
     let cameras = given.cameras.iter().map(|camera| {
         let sized = camera.intrinsics.as_ref().and_then(|intrinsics| Some((intrinsics, intrinsics.size?)));
         let (intrinsics, [width, height]) = sized.with_context(|| {
-            format!("{}: holds no intrinsics with a picture size; give a COLMAP model or transforms.json", path.display())
+            format!(
+                "{}: holds no intrinsics with a picture size; give a COLMAP model or transforms.json",
+                path.display()
+            )
         })?;
         let intrinsics = intrinsics.for_picture(width, height).map_err(anyhow::Error::msg)?;
         Ok(FrameCamera { intrinsics, camera_from_world: Some(camera.camera_from_world) })

@@ -9,6 +9,7 @@ use super::lock::Lock;
 use super::mask_files::Runs;
 use super::{Act, Record, durable, history_file, load, manifest};
 use crate::engine::job::Progress;
+use crate::frames::Frame;
 use crate::session::{History, Project};
 
 /// Beyond this many bytes of journal a checkpoint is due.
@@ -32,6 +33,8 @@ pub struct Written {
     pub seq: u64,
     /// The masks.
     pub masks: Runs,
+    /// `sparse/`: the cameras of these frames; `None` = not known.
+    pub sparse: Option<Arc<Vec<Frame>>>,
     /// Bytes of whole lines in `history.jsonl`.
     pub history_length: u64,
     /// Number of the last record in `history.jsonl`.
@@ -108,8 +111,13 @@ impl Folder {
         for record in read.records.into_iter().filter(|record| record.seq > past.seq) {
             record.fold(&mut past.history);
         }
-        let written =
-            Written { seq: checkpoint, masks: base.masks, history_length: past.length, history_seq: past.seq };
+        let written = Written {
+            seq: checkpoint,
+            masks: base.masks,
+            sparse: None,
+            history_length: past.length,
+            history_seq: past.seq,
+        };
         let folder = Self { root: root.to_owned(), journal, seq, written, _lock: lock };
         Ok(Loaded { folder, project: base.project, history: past.history, warnings: base.warnings })
     }

@@ -31,7 +31,7 @@ pub fn state(root: &Path, manifest: Manifest, records: &[Record], progress: &Pro
     for (frame, mask) in read.masks {
         project.apply(Edit::SetMask { frame, mask: Some(mask) })?;
     }
-    let masks = mask_files::known(&project, &set_later);
+    let masks = mask_files::known(&project, &set_later)?;
     for (record, number) in later.into_iter().zip(checkpoint + 1..) {
         let fits = || format!("{}: does not belong to this project.toml", root.join("journal.jsonl").display());
         ensure!(record.seq == number, "{}; restore both from one backup", fits());

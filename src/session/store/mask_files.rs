@@ -6,10 +6,11 @@ use anyhow::{Context, Result};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{durable, mask_png};
+use super::durable;
 use crate::engine::job::Progress;
 use crate::frames::Frame;
 use crate::masks::{LabelId, RunMask};
+use crate::masks::{MaskFrame, encode_palette_png, file_stems, read_palette_png};
 use crate::session::{FrameMask, MaskOrigin, Project};
 
 /// What `masks/origins.json` says of one frame's mask, by the frame's name.
@@ -22,27 +23,14 @@ struct Origin {
     confidence: BTreeMap<LabelId, f32>,
 }
 
-/// Where each frame's mask lies below the project's folder: `masks/` and the frame's name with `.png` in the place of
-/// its ending; with `.png` after it where an earlier frame has that place already.
-pub fn paths(frames: &[Frame]) -> Vec<PathBuf> {
-    let mut taken = BTreeSet::new();
-    let place = |frame: &Frame| {
-        let name = Path::new(&frame.name);
-        let stem = name.file_stem().map(|stem| name.with_file_name(stem)).unwrap_or_default();
-        let mut path = with_png(&stem);
-        if !taken.insert(path.clone()) {
-            path = with_png(name);
-            taken.insert(path.clone());
-        }
-        Path::new("masks").join(path)
-    };
-    frames.iter().map(place).collect()
-}
-
-fn with_png(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".png");
-    PathBuf::from(name)
+/// Where each frame's mask lies below the project's folder: `masks/`, the frame's name without its ending, `.png`.
+///
+/// # Errors
+/// When a frame's name leads out of the folder.
+pub fn paths(frames: &[Frame]) -> Result<Vec<PathBuf>> {
+    let frames: Vec<MaskFrame<'_>> = frames.iter().map(MaskFrame::from).collect();
+    let stems = file_stems(&frames)?;
+    Ok(stems.into_iter().map(|stem| Path::new("masks").join(stem + ".png")).collect())
 }
 
 /// Writes the masks that differ from those written before, each by temporary name and rename.
@@ -53,10 +41,10 @@ pub fn write(root: &Path, project: &Project, before: &Runs, progress: &Progress)
     let unwritten = |(path, runs): &(PathBuf, Arc<RunMask>)| {
         before.get(path).is_none_or(|before| !Arc::ptr_eq(runs, before) && runs != before)
     };
-    let changed: Vec<_> = runs(project).into_iter().filter(unwritten).collect();
+    let changed: Vec<_> = runs(project)?.into_iter().filter(unwritten).collect();
     changed.par_iter().try_for_each(|(path, runs)| {
         progress.check()?;
-        let bytes = mask_png::encode(&runs.decode(), &project.labels)?;
+        let bytes = encode_palette_png(runs, &project.labels)?;
         durable::replace(&root.join(path), &bytes)
     })
 }
@@ -65,18 +53,24 @@ pub fn write(root: &Path, project: &Project, before: &Runs, progress: &Progress)
 pub type Runs = BTreeMap<PathBuf, Arc<RunMask>>;
 
 /// The masks of a project.
-pub fn runs(project: &Project) -> Runs {
-    let paths = paths(&project.frames);
-    project.masks.iter().map(|(&frame, mask)| (paths[frame].clone(), Arc::clone(&mask.runs))).collect()
+///
+/// # Errors
+/// As [`paths`].
+pub fn runs(project: &Project) -> Result<Runs> {
+    let paths = paths(&project.frames)?;
+    Ok(project.masks.iter().map(|(&frame, mask)| (paths[frame].clone(), Arc::clone(&mask.runs))).collect())
 }
 
 /// What is known of the mask files when those of the frames `unread` were not read: these are taken for a mask
 /// without pixels, which differs from every mask that may be written there.
-pub fn known(project: &Project, unread: &BTreeSet<usize>) -> Runs {
-    let nothing = Arc::new(RunMask { width: 0, height: 0, runs: Vec::new() });
-    let paths = paths(&project.frames);
+///
+/// # Errors
+/// As [`paths`].
+pub fn known(project: &Project, unread: &BTreeSet<usize>) -> Result<Runs> {
+    let nothing = Arc::new(RunMask::empty(0, 0));
+    let paths = paths(&project.frames)?;
     let unread = unread.iter().filter_map(|&frame| Some((paths.get(frame)?.clone(), Arc::clone(&nothing))));
-    runs(project).into_iter().chain(unread).collect()
+    Ok(runs(project)?.into_iter().chain(unread).collect())
 }
 
 /// Writes `masks/origins.json`: where each mask comes from, whether it is stale, how sure the tracker was.
@@ -132,7 +126,7 @@ pub fn read(
     };
     let origins: BTreeMap<String, Origin> = serde_json::from_slice(&text)
         .with_context(|| format!("{}: is damaged; restore it from a backup", path.display()))?;
-    let paths = paths(&project.frames);
+    let paths = paths(&project.frames)?;
     let listed: Vec<_> = project.frames.iter().enumerate().filter(|(number, _)| wanted(*number)).collect();
     let read = listed.par_iter().filter_map(|&(number, frame)| {
         let origin = origins.get(&frame.name)?;
@@ -153,13 +147,10 @@ pub fn read(
 fn read_one(root: &Path, path: &Path, origin: &Origin, progress: &Progress) -> Result<Option<FrameMask>> {
     progress.check()?;
     let path = root.join(path);
-    let bytes = match std::fs::read(&path) {
-        Ok(bytes) => bytes,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(error).with_context(|| format!("{}: cannot be read", path.display())),
-    };
-    let mask = mask_png::decode(&bytes)
-        .with_context(|| format!("{}: is damaged; restore it, or remove it to go on without", path.display()))?;
+    if !path.exists() {
+        return Ok(None);
+    }
+    let mask = read_palette_png(&path).context("restore the mask, or remove it to go on without")?;
     let runs = Arc::new(RunMask::encode(&mask));
     Ok(Some(FrameMask { runs, origin: origin.origin, stale: origin.stale, confidence: origin.confidence.clone() }))
 }

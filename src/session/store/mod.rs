@@ -15,7 +15,6 @@ mod load;
 mod lock;
 mod manifest;
 mod mask_files;
-mod mask_png;
 pub(super) mod packed_runs;
 mod record;
 mod versions;

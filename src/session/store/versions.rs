@@ -42,17 +42,20 @@ pub fn next(root: &Path, project: &Project, history: &History) -> Result<u64> {
 /// # Errors
 /// When a file cannot be put in place.
 pub fn publish(root: &Path, version: Option<u64>) -> Result<()> {
+    let mut changed = false;
     for (plain, before, after) in FILES {
         let place = root.join(plain);
         let source = version.map(|version| root.join(format!("versions/{before}{version}{after}")));
-        match source.filter(|source| source.exists()) {
-            Some(source) if is_same(&source, &place) => {}
-            Some(source) => link(&source, &place).with_context(|| durable::cannot_write(&place))?,
-            None if place.exists() => fs::remove_file(&place).with_context(|| durable::cannot_write(&place))?,
-            None => {}
-        }
+        let put = match source.filter(|source| source.exists()) {
+            Some(source) if is_same(&source, &place) => continue,
+            Some(source) => link(&source, &place),
+            None if place.exists() => fs::remove_file(&place),
+            None => continue,
+        };
+        put.with_context(|| durable::cannot_write(&place))?;
+        changed = true;
     }
-    durable::sync_folder(root)
+    if changed { durable::sync_folder(root) } else { Ok(()) }
 }
 
 fn is_same(a: &Path, b: &Path) -> bool {

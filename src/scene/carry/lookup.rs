@@ -1,0 +1,105 @@
+use super::anchor::Anchor;
+use super::draw::{Drawn, draw};
+use super::options::CarryOptions;
+use super::sightings::Sightings;
+use super::tolerance::Tolerance;
+use super::viewpoint::{Passage, Viewpoint};
+use crate::engine::job::{Progress, Stopped};
+
+/// What an anchor says of a target: pixels with depth are looked up in the anchor, which answers where its depth agrees;
+/// where the target has no depth the anchor's surfaces are drawn into it.
+pub fn ask(
+    anchor: &Anchor,
+    target: &Viewpoint,
+    tolerance: &Tolerance,
+    options: &CarryOptions,
+    progress: &Progress,
+) -> Result<Sightings, Stopped> {
+    let mut sightings = Sightings::none(target.rays.len());
+    look_up(anchor, target, tolerance, options, &mut sightings, progress)?;
+    draw_in_holes(anchor, target, options, &mut sightings, progress)?;
+    Ok(sightings)
+}
+
+fn look_up(
+    anchor: &Anchor,
+    target: &Viewpoint,
+    tolerance: &Tolerance,
+    options: &CarryOptions,
+    sightings: &mut Sightings,
+    progress: &Progress,
+) -> Result<(), Stopped> {
+    let passage = Passage::new(&target.stand, &anchor.view.stand);
+    for at in 0..target.rays.len() {
+        if at % 16384 == 0 {
+            progress.check()?;
+        }
+        let Some(point) = target.point(at) else { continue };
+        let moved = passage.transform(point);
+        let Some(px) = passage.pixel(moved) else { continue };
+        let (x, y) = (px.x as usize, px.y as usize);
+        let Some((hit, agreement)) = surface_at(&anchor.view, x, y, moved.z, tolerance) else { continue };
+        let nearness = (point.z / moved.z).min(1.0);
+        let facing = facing(&anchor.view, x, y).max(options.grazing_weight);
+        let own = if anchor.own.depths[hit] > 0.0 { 1.0 } else { options.filled_weight };
+        sightings.set(at, anchor.mask.ids[hit], agreement * nearness * facing * own * anchor.trust[hit]);
+    }
+    Ok(())
+}
+
+fn draw_in_holes(
+    anchor: &Anchor,
+    target: &Viewpoint,
+    options: &CarryOptions,
+    sightings: &mut Sightings,
+    progress: &Progress,
+) -> Result<(), Stopped> {
+    let mut canvas = vec![Drawn::NOTHING; target.rays.len()];
+    draw(&anchor.view, target, &mut canvas, progress)?;
+    for (at, drawn) in canvas.iter().enumerate() {
+        if drawn.depth < f32::INFINITY && target.depth.depths[at] <= 0.0 {
+            let from = drawn.from as usize;
+            let own = anchor.own.depths[from] > 0.0;
+            let weight = if own { options.drawn_weight } else { options.filled_weight };
+            sightings.set(at, anchor.mask.ids[from], weight * anchor.trust[from]);
+        }
+    }
+    Ok(())
+}
+
+/// The pixel in or beside (`x`, `y`) whose surface lies at depth `z`, and how well it agrees, 0–1. Looking at the neighbours
+/// too makes slanted surfaces count, and outlines, where depth and picture are a pixel apart.
+fn surface_at(view: &Viewpoint, x: usize, y: usize, z: f32, tolerance: &Tolerance) -> Option<(usize, f32)> {
+    let (width, height) = (view.width(), view.height());
+    let limit = tolerance.at(z);
+    let depth = &view.depth.depths;
+    let off = |at: usize| if depth[at] > 0.0 { (depth[at] - z).abs() } else { f32::INFINITY };
+    let here = y * width + x;
+    let (mut best, mut least, mut share) = (here, off(here), 1.0);
+    if least > limit {
+        for row in y.saturating_sub(1)..(y + 2).min(height) {
+            for at in row * width + x.saturating_sub(1)..row * width + (x + 2).min(width) {
+                if off(at) < least {
+                    (best, least, share) = (at, off(at), 0.5);
+                }
+            }
+        }
+    }
+    let ratio = least / limit;
+    (ratio <= 1.0).then(|| (best, share * (1.0 - 0.75 * ratio * ratio)))
+}
+
+/// Cosine of the angle between a surface and the view of it, from the slope of the depth; 1 where no slope is known.
+fn facing(view: &Viewpoint, x: usize, y: usize) -> f32 {
+    let (width, height) = (view.width(), view.height());
+    let depth = |x: usize, y: usize| view.depth.depths[y * width + x];
+    let here = depth(x, y);
+    if x == 0 || y == 0 || x + 1 >= width || y + 1 >= height || here <= 0.0 {
+        return 1.0;
+    }
+    let slope = |a: f32, b: f32| if a > 0.0 && b > 0.0 { 0.5 * (b - a) / here } else { 0.0 };
+    let focal = view.stand.camera.focal_px.as_vec2();
+    let across = focal.x * slope(depth(x - 1, y), depth(x + 1, y));
+    let down = focal.y * slope(depth(x, y - 1), depth(x, y + 1));
+    (1.0 + across * across + down * down).sqrt().recip()
+}
