@@ -1,3 +1,5 @@
 //! The program: `ostra`.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    ostra::cli::main()
+}

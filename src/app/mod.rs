@@ -1,1 +1,32 @@
-//! app
+//! The window: panels are functions that look at the open project and hand out `Command`s.
+//!
+//! May use: session, view, nouns of the lower rooms. Must not touch: engine, threads, `&mut Project`, blocking calls.
+
+mod action;
+mod canvas;
+mod dialogs;
+mod look;
+mod menu;
+mod notices;
+mod panels;
+mod perform;
+mod prefs;
+mod presence;
+mod shell;
+mod shortcuts;
+mod textures;
+mod theme;
+mod tips;
+mod view_state;
+mod window;
+
+pub use action::{Action, MenuName};
+pub use canvas::{CanvasMap, Draft, Tool};
+pub use look::Look;
+pub use notices::{Notice, Notices, Severity};
+pub use prefs::Prefs;
+pub use shell::Shell;
+pub use shortcuts::Shortcuts;
+pub use theme::set_theme;
+pub use view_state::{Dialog, Panes, ViewState};
+pub use window::{Window, run};

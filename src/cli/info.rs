@@ -1,12 +1,26 @@
 use std::fmt::Write as _;
 
+use anyhow::Result;
 use serde_json::{Value, json};
 
+use super::args::InfoArgs;
+use super::drive::Driver;
 use crate::frames::Frame;
 use crate::session::{MaskOrigin, Project, ResultKind};
 
+pub(super) fn info(args: &InfoArgs) -> Result<()> {
+    let driver = Driver::open(&args.project)?;
+    let project = driver.project()?;
+    if args.json {
+        println!("{}", as_json(project));
+    } else {
+        print!("{}", as_text(project));
+    }
+    Ok(())
+}
+
 /// What a project holds, as `info --json` prints it.
-pub(super) fn as_json(project: &Project) -> Value {
+fn as_json(project: &Project) -> Value {
     let frames: Vec<Value> = project.frames.iter().enumerate().map(|(number, frame)| frame_json(project, number, frame)).collect();
     let labels: Vec<Value> = project
         .labels
@@ -31,7 +45,7 @@ pub(super) fn as_json(project: &Project) -> Value {
 }
 
 /// What a project holds, for people to read.
-pub(super) fn as_text(project: &Project) -> String {
+fn as_text(project: &Project) -> String {
     let mut text = String::new();
     let count = |wanted: &str| (0..project.frames.len()).filter(|&number| mask_state(project, number) == wanted).count();
     let with = |has: fn(&Frame) -> bool| project.frames.iter().filter(|frame| has(frame)).count();

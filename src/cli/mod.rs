@@ -2,3 +2,16 @@
 //!
 //! May use: session, view, nouns of the lower rooms; `app` only to start the window.
 //! Must not touch: anything that the window cannot do.
+
+mod args;
+mod demo;
+mod drive;
+mod eval;
+mod info;
+mod project;
+mod run;
+mod shot;
+mod sources;
+mod values;
+
+pub use run::main;

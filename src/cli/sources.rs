@@ -9,7 +9,7 @@ use crate::session::NewProject;
 
 /// What `new` and `add` open. `matches` are those of the verb: they know in which order `--frames` and `--depth` came.
 pub(super) fn new_project(root: PathBuf, args: SourceArgs, matches: &ArgMatches) -> Result<NewProject> {
-    let places = |name: &str| matches.indices_of(name).map(Iterator::collect).unwrap_or_default();
+    let places = |name: &str| -> Vec<usize> { matches.indices_of(name).into_iter().flatten().collect() };
     let sources = pair(&args.frames, &places("frames"), &args.depth, &places("depth"))?;
     Ok(NewProject {
         root,

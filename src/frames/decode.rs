@@ -3,7 +3,8 @@ use std::path::Path;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
-use super::header::{damaged, format_of, open};
+use super::complete::is_complete_jpeg;
+use super::header::{cut_off, damaged, format_of, open};
 use super::turn::turn;
 use super::{DepthMap, FrameError, Image, Orientation};
 
@@ -51,28 +52,11 @@ fn decoder_of(path: &Path) -> Result<Box<dyn ImageDecoder>, FrameError> {
     }
     let mut bytes = Vec::new();
     reader.read_to_end(&mut bytes).map_err(|source| FrameError::io(path, source))?;
-    if !ends_properly(&bytes) {
-        return Err(damaged(path, &"it ends in the middle of the picture"));
+    if !is_complete_jpeg(&bytes) {
+        return Err(cut_off(path));
     }
     let reader = ImageReader::with_format(Cursor::new(bytes), format);
     Ok(Box::new(reader.into_decoder().map_err(|e| damaged(path, &e))?))
-}
-
-/// Whether the picture data of a JPEG are closed by an end marker: decoders fill what is missing with grey.
-fn ends_properly(jpeg: &[u8]) -> bool {
-    let mut at = 2;
-    while let Some(&[marker, code, high, low]) = jpeg.get(at..at + 4) {
-        if marker != 0xff {
-            return false;
-        }
-        match code {
-            0xda => return jpeg[at..].windows(2).rev().any(|pair| pair == [0xff, 0xd9]),
-            0xff => at += 1,
-            0x01 | 0xd0..=0xd8 => at += 2,
-            _ => at += 2 + usize::from(u16::from_be_bytes([high, low])),
-        }
-    }
-    false
 }
 
 fn read_rgb(decoder: Box<dyn ImageDecoder>) -> image::ImageResult<Vec<[u8; 3]>> {

@@ -45,6 +45,20 @@ impl PictureSource {
             Self::File { path, .. } | Self::Film { path, .. } => path,
         }
     }
+
+    /// What tells this picture from all others: its file, and which one of the film (0 for a picture file).
+    pub(super) fn identity(&self) -> (PathBuf, u64) {
+        match self {
+            Self::File { path, .. } => (path.clone(), 0),
+            Self::Film { path, index, .. } => (path.clone(), *index),
+        }
+    }
+
+    pub(super) fn path_mut(&mut self) -> &mut PathBuf {
+        match self {
+            Self::File { path, .. } | Self::Film { path, .. } => path,
+        }
+    }
 }
 
 /// Where a frame's depth comes from: a 16-bit picture, pixel for pixel with the stored colour picture.

@@ -4,13 +4,14 @@ use std::path::Path;
 
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
 
+use super::complete::is_complete;
 use super::{FrameError, Orientation};
 
 /// The formats that can be frames, as named to the user.
 pub(super) const FORMATS: &str = "JPEG, PNG, TIFF or WebP";
 
 /// Pictures with more pixels are refused: a damaged header, or more than one machine can work on.
-const MAX_PIXELS: u64 = 1 << 28;
+pub(super) const MAX_PIXELS: u64 = 1 << 28;
 
 /// What a picture file's header says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,10 +26,15 @@ pub(super) struct Header {
     pub grey16: bool,
 }
 
-/// Reads size, orientation and kind from the first bytes of a picture file.
+/// Reads size, orientation and kind from the first bytes of a picture file, and looks whether its end is there.
 pub(super) fn read_header(path: &Path) -> Result<Header, FrameError> {
     let mut reader = open(path)?;
-    let header = match format_of(&mut reader, path)? {
+    let format = format_of(&mut reader, path)?;
+    if !is_complete(&mut reader, format).map_err(|source| FrameError::io(path, source))? {
+        return Err(cut_off(path));
+    }
+    reader.rewind().map_err(|source| FrameError::io(path, source))?;
+    let header = match format {
         ImageFormat::Jpeg => read_jpeg_header(&mut reader).map_err(|e| damaged(path, &e))?,
         format => {
             let decoder = ImageReader::with_format(reader, format).into_decoder();
@@ -65,10 +71,24 @@ pub(super) fn format_of(reader: &mut BufReader<File>, path: &Path) -> Result<Ima
     }
 }
 
+/// Whether a file's first bytes are those of a picture.
+pub(super) fn is_picture(path: &Path) -> Result<bool, FrameError> {
+    match format_of(&mut open(path)?, path) {
+        Ok(_) => Ok(true),
+        Err(FrameError::Invalid { .. }) => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
 /// The error for a picture that breaks off or does not follow its format.
 pub(super) fn damaged(path: &Path, why: &dyn std::fmt::Display) -> FrameError {
     let what = format!("the picture is damaged or cut off ({why}); replace it or take it out of the folder");
     FrameError::Invalid { path: path.into(), what }
+}
+
+/// The error for a picture whose end is missing.
+pub(super) fn cut_off(path: &Path) -> FrameError {
+    damaged(path, &"its end is missing")
 }
 
 fn header_of(mut decoder: impl ImageDecoder) -> image::ImageResult<Header> {
@@ -112,8 +132,8 @@ fn exif_orientation(segment: &[u8]) -> Option<Orientation> {
 
 fn next_marker(reader: &mut impl Read) -> std::io::Result<u8> {
     let [mut byte] = read_bytes(reader)?;
-    if byte != 0xff {
-        return Err(invalid("no segment where one must be"));
+    while byte != 0xff {
+        [byte] = read_bytes(reader)?; // some cameras leave bytes between segments
     }
     while byte == 0xff {
         [byte] = read_bytes(reader)?;

@@ -2,19 +2,26 @@
 //!
 //! May use: geometry, engine::job. Must not touch: labels, GPU.
 
+mod background;
 mod cache;
 pub mod cameras;
+mod complete;
 mod decode;
 mod error;
+mod film;
 mod frame;
 mod header;
 mod image;
+mod loader;
 mod open;
+mod relocate;
 mod store;
+mod thumbnail;
 mod turn;
 
 pub use error::FrameError;
 pub use frame::{DepthSource, Frame, FrameCamera, Orientation, PictureSource};
 pub use image::{DepthMap, Image};
-pub use open::{FrameFolder, OpenRequest, Opened, natural_order, open};
+pub use open::{FrameFolder, OpenRequest, Opened, natural_order, open, open_more};
+pub use relocate::{missing_sources, relocate};
 pub use store::FrameStore;

@@ -1,50 +1,44 @@
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::cache::{Cache, Weigh};
-use super::decode::{decode_depth, decode_picture};
-use super::{DepthMap, DepthSource, Frame, FrameError, Image, PictureSource};
+use super::background::Background;
+use super::cache::Cache;
+use super::loader::{Key, Loader, depth_bytes, picture_bytes};
+use super::thumbnail::shrink;
+use super::{DepthMap, Frame, FrameError, Image, PictureSource};
+use crate::engine::job::{Progress, Stopped};
 
-/// Loads pictures and depths on demand and keeps the latest in a cache bounded in bytes. Shared by all threads.
+/// Bytes of thumbnails that are kept.
+const THUMBNAIL_BYTES: usize = 32 << 20;
+
+/// Loads pictures and depths on demand and keeps the latest in a cache bounded in bytes. Shared by all threads: none
+/// decodes what another is decoding already, and all wait only for what they asked for.
 #[derive(Debug)]
 pub struct FrameStore {
-    pixels: Cache<Key, Pixels>,
-}
-
-/// What pixels are made from.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-enum Key {
-    File { path: PathBuf, orientation: u8 },
-    Film { path: PathBuf, index: u64 },
-    Depth { path: PathBuf, orientation: u8, unit_bits: u64 },
-}
-
-#[derive(Debug, Clone)]
-enum Pixels {
-    Image(Arc<Image>),
-    Depth(Arc<DepthMap>),
-}
-
-impl Weigh for Pixels {
-    fn bytes(&self) -> usize {
-        match self {
-            Self::Image(image) => image.pixels.len() * size_of::<[u8; 3]>(),
-            Self::Depth(depth) => depth.depths.len() * size_of::<f32>(),
-        }
-    }
+    loader: Arc<Loader>,
+    budget_bytes: usize,
+    thumbnails: Arc<Cache<(Key, u32), Arc<Image>>>,
+    ahead: Background,
+    thumbnails_ahead: Background,
 }
 
 impl FrameStore {
-    /// A store that keeps at most `budget_bytes` of decoded pixels.
+    /// A store that keeps at most `budget_bytes` of decoded pixels, and 32 MiB of thumbnails besides.
     #[must_use]
     pub fn new(budget_bytes: usize) -> Self {
-        Self { pixels: Cache::new(budget_bytes) }
+        let threads = std::thread::available_parallelism().map_or(1, |cores| cores.get().div_ceil(2).min(4));
+        Self {
+            loader: Arc::new(Loader::new(budget_bytes)),
+            budget_bytes,
+            thumbnails: Arc::new(Cache::new(THUMBNAIL_BYTES)),
+            ahead: Background::new("prefetch", threads),
+            thumbnails_ahead: Background::new("thumbnails", threads),
+        }
     }
 
-    /// Bytes of decoded pixels kept now; never above the budget.
+    /// Bytes of decoded pixels kept now, thumbnails not counted; never above the budget.
     #[must_use]
     pub fn bytes_kept(&self) -> usize {
-        self.pixels.bytes()
+        self.loader.bytes()
     }
 
     /// The frame's picture, turned upright. A picture larger than the budget is decoded anew each time.
@@ -52,21 +46,13 @@ impl FrameStore {
     /// # Errors
     /// [`FrameError`] when the source is missing, damaged or of another size than when it was opened.
     pub fn image(&self, frame: &Frame) -> Result<Arc<Image>, FrameError> {
-        let load = || load_picture(&frame.picture).map(Pixels::Image);
-        let Pixels::Image(image) = self.pixels.get(&picture_key(&frame.picture), load)? else {
-            return load_picture(&frame.picture);
-        };
-        check_size(frame, frame.picture.path(), (image.width, image.height))?;
-        Ok(image)
+        self.loader.image(frame)
     }
 
-    /// The frame's picture if it is decoded already; never waits.
+    /// The frame's picture if it is decoded already; never waits for decoding.
     #[must_use]
     pub fn cached_image(&self, frame: &Frame) -> Option<Arc<Image>> {
-        match self.pixels.peek(&picture_key(&frame.picture))? {
-            Pixels::Image(image) if (image.width, image.height) == (frame.width, frame.height) => Some(image),
-            _ => None,
-        }
+        self.loader.cached_image(frame)
     }
 
     /// The frame's depth in world units, turned upright; `None` when it has none.
@@ -74,48 +60,83 @@ impl FrameStore {
     /// # Errors
     /// As [`Self::image`].
     pub fn depth(&self, frame: &Frame) -> Result<Option<Arc<DepthMap>>, FrameError> {
-        let Some(source) = &frame.depth else { return Ok(None) };
-        let load = || load_depth(source).map(Pixels::Depth);
-        let Pixels::Depth(depth) = self.pixels.get(&depth_key(source), load)? else {
-            return load_depth(source).map(Some);
-        };
-        check_size(frame, &source.path, (depth.width, depth.height))?;
-        Ok(Some(depth))
+        self.loader.depth(frame)
+    }
+
+    /// Decodes pictures and depths in the background, the first first, until half the budget is spent on them. The
+    /// newest call wins: what an earlier one left undone is forgotten. Errors come when the frame is asked for.
+    pub fn prefetch(&self, frames: &[Frame]) {
+        let mut bytes = 0;
+        let fitting = frames.iter().take_while(|frame| {
+            bytes += picture_bytes(frame) + depth_bytes(frame);
+            bytes <= self.budget_bytes / 2
+        });
+        let fitting: Vec<Frame> = fitting.cloned().collect();
+        let tasks = fitting.chunk_by(in_one_film).map(|frames| {
+            let (loader, frames) = (Arc::clone(&self.loader), frames.to_vec());
+            move |progress: &Progress| {
+                let _ = each(&frames, progress, |frame| {
+                    let _ = (loader.image(frame), loader.depth(frame));
+                });
+            }
+        });
+        self.ahead.replace(tasks);
+    }
+
+    /// The frame's picture with at most `max_side` pixels on its longer side, turned upright; never enlarged.
+    ///
+    /// # Errors
+    /// As [`Self::image`].
+    pub fn thumbnail(&self, frame: &Frame, max_side: u32) -> Result<Arc<Image>, FrameError> {
+        thumbnail(&self.loader, &self.thumbnails, frame, max_side)
+    }
+
+    /// The thumbnail if it is made already; never waits for decoding.
+    #[must_use]
+    pub fn cached_thumbnail(&self, frame: &Frame, max_side: u32) -> Option<Arc<Image>> {
+        self.thumbnails.peek(&(Key::of_picture(&frame.picture), max_side))
+    }
+
+    /// Makes thumbnails in the background, the first first; the newest call wins, as in [`Self::prefetch`].
+    pub fn prefetch_thumbnails(&self, frames: &[Frame], max_side: u32) {
+        let tasks = frames.chunk_by(in_one_film).map(|frames| {
+            let (loader, thumbnails, frames) =
+                (Arc::clone(&self.loader), Arc::clone(&self.thumbnails), frames.to_vec());
+            move |progress: &Progress| {
+                let _ = each(&frames, progress, |frame| {
+                    let _ = thumbnail(&loader, &thumbnails, frame, max_side);
+                });
+            }
+        });
+        self.thumbnails_ahead.replace(tasks);
     }
 }
 
-fn picture_key(source: &PictureSource) -> Key {
-    match source {
-        PictureSource::File { path, orientation } => Key::File { path: path.clone(), orientation: orientation.0 },
-        PictureSource::Film { path, index, .. } => Key::Film { path: path.clone(), index: *index },
+/// The thumbnail, from the decoded picture where that is kept; decoding for a thumbnail drives nothing out of the cache.
+fn thumbnail(
+    loader: &Loader,
+    thumbnails: &Cache<(Key, u32), Arc<Image>>,
+    frame: &Frame,
+    max_side: u32,
+) -> Result<Arc<Image>, FrameError> {
+    thumbnails.get(&(Key::of_picture(&frame.picture), max_side), || {
+        let image = loader.cached_image(frame).map_or_else(|| loader.decode_image(frame), Ok)?;
+        Ok(Arc::new(shrink(&image, max_side)))
+    })
+}
+
+/// Pictures of one film are decoded by one thread in order, without seeking.
+fn in_one_film(a: &Frame, b: &Frame) -> bool {
+    match (&a.picture, &b.picture) {
+        (PictureSource::Film { path: a, .. }, PictureSource::Film { path: b, .. }) => a == b,
+        _ => false,
     }
 }
 
-fn depth_key(source: &DepthSource) -> Key {
-    Key::Depth { path: source.path.clone(), orientation: source.orientation.0, unit_bits: source.unit.to_bits() }
-}
-
-fn load_picture(source: &PictureSource) -> Result<Arc<Image>, FrameError> {
-    match source {
-        PictureSource::File { path, orientation } => decode_picture(path, *orientation).map(Arc::new),
-        PictureSource::Film { path, .. } => {
-            Err(FrameError::Invalid { path: path.clone(), what: "films cannot be read yet".into() })
-        }
+fn each(frames: &[Frame], progress: &Progress, mut act: impl FnMut(&Frame)) -> Result<(), Stopped> {
+    for frame in frames {
+        progress.check()?;
+        act(frame);
     }
-}
-
-fn load_depth(source: &DepthSource) -> Result<Arc<DepthMap>, FrameError> {
-    decode_depth(&source.path, source.unit, source.orientation).map(Arc::new)
-}
-
-fn check_size(frame: &Frame, path: &Path, (width, height): (u32, u32)) -> Result<(), FrameError> {
-    if (width, height) == (frame.width, frame.height) {
-        return Ok(());
-    }
-    let what = format!(
-        "it is {width} × {height} pixels now but was {} × {} when frame {} was opened; \
-         put the earlier file back or open the frames anew",
-        frame.width, frame.height, frame.name
-    );
-    Err(FrameError::Invalid { path: path.into(), what })
+    Ok(())
 }

@@ -8,6 +8,7 @@ mod components;
 mod distance;
 mod edit;
 mod error;
+mod formats;
 mod label;
 mod mask;
 mod outline;
@@ -15,12 +16,17 @@ mod prompt;
 mod region;
 mod robot;
 mod runs;
+mod score;
 mod seam;
 
 pub use components::{Components, Connectivity, components};
 pub use distance::{deepest_point, squared_depth_in, squared_distance_to};
 pub use edit::{PaintRule, assign, compose, erase, fill_polygons, stroke, taken_by_others};
 pub use error::MaskError;
+pub use formats::{
+    Imported, MaskFormat, MaskFrame, encode_palette_png, export_masks, file_stems, import_masks, read_labels_json,
+    read_palette_png, write_labels_json,
+};
 pub use label::{Label, LabelId, LabelTree};
 pub use mask::LabelMask;
 pub use outline::{Outline, outlines, simplified_ring};
@@ -28,4 +34,5 @@ pub use prompt::{Click, Prompt, PxBox};
 pub use region::Region;
 pub use robot::next_click;
 pub use runs::{Extent, RunMask};
+pub use score::{FramePair, FrameScore, LabelScore, MaskScore, ScoreOptions, boundary_f, score_masks, score_pairs};
 pub use seam::{Direction, PreparedFrame, SegmentRequest, Segmenter, TrackRequest, TrackedFrame, Tracker};

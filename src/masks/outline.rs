@@ -42,18 +42,17 @@ impl Outline {
         Some(Self { outer, holes })
     }
 
-    /// One polygon with the same even-odd filling: each hole is joined to the ring by a seam of no width, between the
-    /// nearest corners of the two.
+    /// One polygon with the same even-odd filling: each hole is joined to the ring by a seam of no width from its
+    /// first corner to the nearest of the ring.
     #[must_use]
     pub fn keyhole(&self) -> Vec<DVec2> {
         let mut ring = self.outer.clone();
         for hole in &self.holes {
-            let (at, hole_at) = nearest_corners(&ring, hole);
-            let mut joined = Vec::with_capacity(ring.len() + hole.len() + 2);
-            joined.extend_from_slice(&ring[..=at]);
-            joined.extend_from_slice(&hole[hole_at..]);
-            joined.extend_from_slice(&hole[..=hole_at]);
-            joined.extend_from_slice(&ring[at..]);
+            let Some(&seam) = hole.first() else { continue };
+            let off = |&at: &usize| ring[at].distance_squared(seam);
+            let at = (0..ring.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0);
+            let there = ring[..=at].iter().chain(hole);
+            let joined = there.chain([&seam]).chain(&ring[at..]).copied().collect();
             ring = joined;
         }
         ring
@@ -95,19 +94,6 @@ pub(super) fn distance_to_segment(point: DVec2, a: DVec2, b: DVec2) -> f64 {
     let length2 = along.length_squared();
     let share = if length2 > 0.0 { ((point - a).dot(along) / length2).clamp(0.0, 1.0) } else { 0.0 };
     point.distance(a + share * along)
-}
-
-fn nearest_corners(ring: &[DVec2], hole: &[DVec2]) -> (usize, usize) {
-    let mut best = (f64::INFINITY, (0, 0));
-    for (i, corner) in ring.iter().enumerate() {
-        for (j, other) in hole.iter().enumerate() {
-            let distance = corner.distance_squared(*other);
-            if distance < best.0 {
-                best = (distance, (i, j));
-            }
-        }
-    }
-    best.1
 }
 
 /// Walks along pixel corners with the inside on the right hand.

@@ -6,7 +6,12 @@
 mod carry;
 mod cloud;
 mod error;
+pub mod fuse;
+pub mod measure;
 pub mod ply;
+pub mod points;
+pub mod score;
+pub mod synthetic;
 
 pub use carry::{CarryOptions, GeometryTracker};
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};

@@ -31,6 +31,14 @@ pub enum Edit {
         /// `None` = no mask.
         mask: Option<FrameMask>,
     },
+    /// Marks tracked masks as made from something that has changed since, or takes the mark away. Frames without a
+    /// tracked mask are passed over.
+    SetStale {
+        /// Frame numbers.
+        frames: Vec<usize>,
+        /// `true` = stale.
+        stale: bool,
+    },
     /// Sets a frame's camera.
     SetCamera {
         /// Frame number.

@@ -2,13 +2,40 @@
 //!
 //! May use: every room above. Must not touch: egui, printing, exit codes.
 
+mod act;
+mod apply;
+mod cloud;
 mod command;
+mod commands;
+pub mod demo;
 mod edit;
+mod engines;
+pub mod evaluate;
+mod event;
+mod history;
+mod jobs;
+mod open_project;
+mod pictures;
+mod prepared;
 mod project;
+mod recent;
+#[expect(clippy::module_inception, reason = "the noun lives in a file of its name")]
+mod session;
+mod stale;
+pub mod store;
+#[cfg(test)]
+mod tests;
 
 pub use command::{
     Command, ExportRequest, FuseRequest, NewProject, PaintRequest, PromptRequest, Recipe, ReconstructMethod,
     ReconstructRequest, TrackSettings,
 };
 pub use edit::Edit;
+pub use engines::{Engine, EngineKind, engines};
+pub use event::{Event, JobId, JobView};
+pub use history::{Change, History, Step};
+pub use open_project::OpenProject;
+pub use pictures::Pictures;
 pub use project::{FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
+pub use recent::Recent;
+pub use session::Session;

@@ -24,7 +24,8 @@ pub struct Project {
 /// The mask of one frame, and where it comes from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameMask {
-    /// The labels, run-length encoded.
+    /// The labels, run-length encoded; as large as the frame.
+    #[serde(with = "super::store::packed_runs")]
     pub runs: Arc<RunMask>,
     /// Anchors are never overwritten by a tracker.
     pub origin: MaskOrigin,
@@ -75,4 +76,13 @@ pub struct ResultRecord {
     /// Options it was made with, for people to read.
     #[serde(default)]
     pub settings: String,
+    /// Names the files that hold the result under `versions/`, so that undo brings the earlier one back; 0 = the
+    /// result has no files of its own.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub version: u64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference")]
+fn is_zero(version: &u64) -> bool {
+    *version == 0
 }

@@ -8,7 +8,7 @@ use super::coloring::LabelColors;
 use super::pipelines::{COLOR_FORMAT, DEPTH_FORMAT, Pipelines};
 use super::points::{EyeUniform, PointInstance, SpreadOrder, pack, spacing};
 use super::{Coloring, Line, ViewCamera};
-use crate::masks::LabelId;
+use crate::masks::{LabelId, LabelTree};
 use crate::scene::LabelledCloud;
 
 /// Points per GPU buffer: 8 MB, packed in a few milliseconds.
@@ -25,6 +25,8 @@ pub struct Scene3d {
     pub coloring: Coloring,
     /// Labels (with all below them) that are not drawn.
     pub hidden: BTreeSet<LabelId>,
+    /// Names and colours newer than the cloud's own.
+    pub tree: Option<LabelTree>,
     /// Smallest disc radius in pixels, above 0.
     pub point_px: f32,
     /// sRGB.
@@ -118,8 +120,10 @@ impl CloudView {
         if self.scene.as_ref() == Some(scene) {
             return self.drawn == 0 && self.uploaded == 0;
         }
-        let recolored =
-            self.scene.as_ref().is_none_or(|old| old.coloring != scene.coloring || old.hidden != scene.hidden);
+        let recolored = self
+            .scene
+            .as_ref()
+            .is_none_or(|old| old.coloring != scene.coloring || old.hidden != scene.hidden || old.tree != scene.tree);
         if recolored {
             self.forget_points();
         }
@@ -154,7 +158,7 @@ impl CloudView {
         let Some(scene) = &self.scene else { return };
         if self.uploaded < self.cloud.len() && self.uploaded < self.drawn + self.batch {
             let end = (self.uploaded + CHUNK).min(self.cloud.len());
-            let labels = LabelColors::new(&self.cloud.tree, &scene.hidden);
+            let labels = LabelColors::new(scene.tree.as_ref().unwrap_or(&self.cloud.tree), &scene.hidden);
             let points = pack(&self.cloud, self.order, self.uploaded..end, scene.coloring, &labels);
             self.chunks.push(self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some("points"),
@@ -258,7 +262,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::masks::{Label, LabelTree};
+    use crate::masks::Label;
     use crate::view::{Bounds, Orbit, RasterStyle, draw_cloud};
 
     fn device() -> Option<(wgpu::Device, wgpu::Queue)> {
@@ -327,6 +331,7 @@ mod tests {
             camera,
             coloring: style.coloring,
             hidden: style.hidden.clone(),
+            tree: None,
             point_px: style.point_px,
             background: style.background,
             lines: Vec::new(),

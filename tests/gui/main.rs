@@ -1,1 +1,18 @@
-//! Integration tests: gui.
+//! Integration tests: the window's panels, by accessible role and label.
+
+#[cfg(test)]
+#[path = "../support/mod.rs"]
+mod support;
+
+#[cfg(test)]
+mod canvas;
+#[cfg(test)]
+mod desk;
+#[cfg(test)]
+mod dialogs;
+#[cfg(test)]
+mod gallery;
+#[cfg(test)]
+mod keys;
+#[cfg(test)]
+mod panels;

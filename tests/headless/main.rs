@@ -9,6 +9,13 @@ mod architecture;
 #[cfg(test)]
 mod cameras;
 #[cfg(test)]
+mod crash;
+#[cfg(test)]
+mod films;
+#[cfg(test)]
 mod frames;
+#[cfg(test)]
+mod masks;
+mod fuse;
 #[cfg(test)]
 mod shared;

@@ -2,6 +2,14 @@
 //!
 //! May use: std. Must not touch: any domain word.
 
+mod latest;
+mod loader;
+mod pool;
 mod progress;
+mod running;
 
+pub use latest::Latest;
+pub use loader::Loader;
+pub use pool::{Full, Pool};
 pub use progress::{Progress, ProgressReport, Stopped};
+pub use running::{JobError, Running};

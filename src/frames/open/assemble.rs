@@ -1,18 +1,12 @@
-use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
-
-use super::naming::prefixes;
+use super::headers::read_frames;
+use super::naming::name_frames;
 use super::request::{OpenRequest, Opened};
-use super::source::{Item, Source, list_source};
+use super::source::{Item, Kind, Listing, Source, stem};
 use crate::engine::job::Progress;
-use crate::frames::decode::not_depth;
-use crate::frames::header::{Header, read_header};
-use crate::frames::{DepthSource, Frame, FrameError, PictureSource};
-
-/// How many frames a warning names.
-const NAMED: usize = 3;
+use crate::frames::{Frame, FrameError};
 
 /// Lists the sources, pairs depth, reads the headers (in parallel) and names the frames.
 ///
@@ -20,21 +14,24 @@ const NAMED: usize = 3;
 /// [`FrameError`] when a source is missing or empty, a header is damaged, no depth fits or a depth has another size
 /// than its picture, no frame is left by `every`, `from` and `to`, or the user stopped it.
 pub fn open(request: &OpenRequest, progress: &Progress) -> Result<Opened, FrameError> {
+    open_more(&[], request, progress)
+}
+
+/// As [`open`], for frames that join `existing` ones: pictures that are there already are left out, and names that are
+/// taken get more of the path's last parts in front. Only the new frames are returned.
+///
+/// # Errors
+/// As [`open`], and when there is no new picture.
+pub fn open_more(existing: &[Frame], request: &OpenRequest, progress: &Progress) -> Result<Opened, FrameError> {
     check(request)?;
     progress.stage("open")?;
-    let mut warnings = Vec::new();
-    let sources = request.sources.iter().map(|source| list_source(source, &mut warnings));
-    let items = thinned(named_items(sources.collect::<Result<_, _>>()?)?, request)?;
-    let done = AtomicUsize::new(0);
-    let read = items.par_iter().map(|item| {
-        progress.step(done.fetch_add(1, Ordering::Relaxed), items.len())?;
-        frame_of(item, request.depth_unit)
-    });
-    let read: Vec<Result<(Frame, Header), FrameError>> = read.collect();
-    let read: Vec<(Frame, Header)> = read.into_iter().collect::<Result<_, _>>()?;
-    warnings.extend(warn_of_missing_depth(&read));
-    warnings.extend(warn_of_depth_as_pictures(&read));
-    Ok(Opened { frames: read.into_iter().map(|(frame, _)| frame).collect(), warnings })
+    let mut listing = Listing { depth_unit: request.depth_unit, progress, warnings: Vec::new() };
+    let sources = request.sources.iter().map(|source| listing.list(source)).collect::<Result<Vec<_>, _>>()?;
+    let places = Places::of(&sources);
+    let items = new_items(existing, thinned(sources, request)?, &mut listing.warnings)?;
+    let items = places.name(items, existing)?;
+    let (frames, warnings) = read_frames(&items, request.depth_unit, progress)?;
+    Ok(Opened { frames, warnings: [listing.warnings, warnings].concat() })
 }
 
 fn check(request: &OpenRequest) -> Result<(), FrameError> {
@@ -44,36 +41,21 @@ fn check(request: &OpenRequest) -> Result<(), FrameError> {
     if request.every == 0 {
         return Err(FrameError::NotFound("every 0th frame is none; give 1 or more".into()));
     }
-    if !(request.depth_unit.is_finite() && request.depth_unit > 0.0) {
-        let unit = request.depth_unit;
-        return Err(FrameError::NotFound(format!(
-            "a depth unit of {unit} cannot be; give metres per step, e.g. 0.001"
-        )));
+    let unit = request.depth_unit;
+    if !(unit.is_finite() && unit > 0.0) {
+        let what = format!("a depth unit of {unit} cannot be; give metres per step, e.g. 0.001");
+        return Err(FrameError::NotFound(what));
     }
     Ok(())
 }
 
-/// The items of all sources, with their names in the project.
-fn named_items(sources: Vec<Source>) -> Result<Vec<Item>, FrameError> {
-    let alone = matches!(sources.as_slice(), [Source { is_folder: true, .. }]);
-    let places: Vec<&Path> = sources.iter().map(|source| source.place.as_path()).collect();
-    let prefixes = prefixes(&places, usize::from(!alone))?;
-    let mut items = Vec::new();
-    for (source, prefix) in sources.into_iter().zip(prefixes) {
-        items.extend(source.items.into_iter().map(|item| {
-            let parts = [prefix.as_str(), item.name.as_str()];
-            let name = parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("/");
-            Item { name, ..item }
-        }));
-    }
-    Ok(items)
-}
-
-fn thinned(items: Vec<Item>, request: &OpenRequest) -> Result<Vec<Item>, FrameError> {
-    let count = items.len();
+/// The items that `every`, `from` and `to` leave, each with the number of its source.
+fn thinned(sources: Vec<Source>, request: &OpenRequest) -> Result<Vec<(usize, Item)>, FrameError> {
+    let count: usize = sources.iter().map(|source| source.items.len()).sum();
     let (from, to) = (request.from.unwrap_or(0), request.to.unwrap_or(usize::MAX));
-    let kept = items.into_iter().enumerate().skip(from).take_while(|(index, _)| *index <= to);
-    let kept: Vec<Item> = kept.step_by(request.every).map(|(_, item)| item).collect();
+    let all = sources.into_iter().enumerate().flat_map(|(at, source)| source.items.into_iter().map(move |i| (at, i)));
+    let kept = all.enumerate().skip(from).take_while(|(index, _)| *index <= to);
+    let kept: Vec<(usize, Item)> = kept.step_by(request.every).map(|(_, item)| item).collect();
     if kept.is_empty() {
         let to = request.to.map_or_else(|| "the end".into(), |to| to.to_string());
         return Err(FrameError::NotFound(format!(
@@ -83,58 +65,46 @@ fn thinned(items: Vec<Item>, request: &OpenRequest) -> Result<Vec<Item>, FrameEr
     Ok(kept)
 }
 
-fn frame_of(item: &Item, depth_unit: f64) -> Result<(Frame, Header), FrameError> {
-    let header = read_header(&item.picture)?;
-    let orientation = header.orientation;
-    let (width, height) = orientation.shown_size(header.width, header.height);
-    let depth = item.depth.as_ref().map(|path| {
-        check_depth(path, &item.picture, header)?;
-        Ok::<_, FrameError>(DepthSource { path: path.clone(), unit: depth_unit, orientation })
-    });
-    let picture = PictureSource::File { path: item.picture.clone(), orientation };
-    let frame = Frame { name: item.name.clone(), width, height, picture, depth: depth.transpose()?, camera: None };
-    Ok((frame, header))
+/// Leaves out what is a frame already, or comes twice because one source lies in another.
+fn new_items(
+    existing: &[Frame],
+    items: Vec<(usize, Item)>,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<(usize, Item)>, FrameError> {
+    let mut seen: BTreeSet<(PathBuf, u64)> = existing.iter().map(|frame| frame.picture.identity()).collect();
+    let count = items.len();
+    let new: Vec<_> = items.into_iter().filter(|(_, item)| seen.insert(item.identity())).collect();
+    if new.is_empty() {
+        return Err(FrameError::NotFound(format!("all {count} pictures are frames already; give other pictures")));
+    }
+    if new.len() < count {
+        warnings.push(format!("{} of {count} pictures are frames already and are left out", count - new.len()));
+    }
+    Ok(new)
 }
 
-fn check_depth(path: &Path, picture_path: &Path, picture: Header) -> Result<(), FrameError> {
-    let depth = read_header(path)?;
-    if !depth.grey16 {
-        return Err(not_depth(path));
-    }
-    if (depth.width, depth.height) == (picture.width, picture.height) {
-        return Ok(());
-    }
-    let what = format!(
-        "depth of {} × {} pixels does not fit its picture {} of {} × {}; give depth registered to the colour camera, \
-         pixel for pixel",
-        depth.width,
-        depth.height,
-        picture_path.display(),
-        picture.width,
-        picture.height
-    );
-    Err(FrameError::Invalid { path: path.into(), what })
+/// What goes before the names of each source's frames.
+struct Places {
+    stems: Vec<PathBuf>,
+    whole: Vec<PathBuf>,
+    at_least: usize,
 }
 
-fn warn_of_missing_depth(read: &[(Frame, Header)]) -> Option<String> {
-    let without: Vec<&Frame> = read.iter().map(|(frame, _)| frame).filter(|frame| frame.depth.is_none()).collect();
-    if without.is_empty() || without.len() == read.len() {
-        return None;
+impl Places {
+    fn of(sources: &[Source]) -> Self {
+        let alone = matches!(sources, [Source { kind: Kind::Folder, .. }]);
+        let stems = sources.iter().map(stem).collect();
+        Self { stems, whole: sources.iter().map(|s| s.place.clone()).collect(), at_least: usize::from(!alone) }
     }
-    Some(format!("{} of {} frames have no depth: {}", without.len(), read.len(), some_names(&without)))
-}
 
-fn warn_of_depth_as_pictures(read: &[(Frame, Header)]) -> Option<String> {
-    let grey: Vec<&Frame> = read.iter().filter(|(_, header)| header.grey16).map(|(frame, _)| frame).collect();
-    if grey.is_empty() {
-        return None;
+    fn name(&self, items: Vec<(usize, Item)>, existing: &[Frame]) -> Result<Vec<Item>, FrameError> {
+        let taken: BTreeSet<&str> = existing.iter().map(|frame| frame.name.as_str()).collect();
+        let own: Vec<(usize, &str)> = items.iter().map(|(at, item)| (*at, item.name.as_str())).collect();
+        let name = |places: &[PathBuf]| {
+            let places: Vec<&Path> = places.iter().map(PathBuf::as_path).collect();
+            name_frames(&own, &places, self.at_least, &taken)
+        };
+        let names = name(&self.stems).or_else(|_| name(&self.whole))?;
+        Ok(items.into_iter().zip(names).map(|((_, item), name)| Item { name, ..item }).collect())
     }
-    let (count, names) = (grey.len(), some_names(&grey));
-    Some(format!("{count} frames are grey pictures of 16 bits ({names}); if they are depth, give them with --depth"))
-}
-
-fn some_names(frames: &[&Frame]) -> String {
-    let names: Vec<&str> = frames.iter().take(NAMED).map(|frame| frame.name.as_str()).collect();
-    let more = if frames.len() > NAMED { ", …" } else { "" };
-    format!("{}{more}", names.join(", "))
 }

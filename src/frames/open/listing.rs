@@ -62,7 +62,8 @@ impl Walk {
         }
         let kind = entry.file_type().map_err(|source| FrameError::io(&path, source))?;
         let is_folder = kind.is_dir() || (kind.is_symlink() && path.is_dir());
-        if !is_folder && !has_picture_ending(&path) {
+        let is_picture = (kind.is_file() || kind.is_symlink()) && has_picture_ending(&path);
+        if !is_folder && !is_picture {
             return Ok(());
         }
         text_of(&path)?;

@@ -3,6 +3,9 @@
 //! May use: the nouns of frames. Must not touch: pixels beyond headers, cameras.
 
 mod assemble;
+mod depth;
+mod headers;
+mod layout;
 mod listing;
 mod naming;
 mod natural;
@@ -11,6 +14,6 @@ mod request;
 mod source;
 mod tum;
 
-pub use assemble::open;
+pub use assemble::{open, open_more};
 pub use natural::natural_order;
 pub use request::{FrameFolder, OpenRequest, Opened};

@@ -3,25 +3,41 @@ use std::path::{Component, Path};
 
 use crate::frames::FrameError;
 
-/// For each source the words to put before the names of its frames: as many of its path's last parts, at least
-/// `at_least`, as make all of them differ.
+/// The names of frames given as (number of its source, name below it): before each go as many of its source's last
+/// parts, at least `at_least`, as make the sources differ and no name one that is `taken`.
 ///
 /// # Errors
-/// [`FrameError::NotFound`] when the same source is given twice.
-pub(super) fn prefixes(sources: &[&Path], at_least: usize) -> Result<Vec<String>, FrameError> {
+/// [`FrameError::NotFound`] when the same source is given twice or the whole path is not enough.
+pub(super) fn name_frames(
+    items: &[(usize, &str)],
+    sources: &[&Path],
+    at_least: usize,
+    taken: &BTreeSet<&str>,
+) -> Result<Vec<String>, FrameError> {
     let parts: Vec<Vec<String>> = sources.iter().map(|path| parts_of(path)).collect();
+    let mut seen = BTreeSet::new();
+    if let Some(twice) = sources.iter().zip(&parts).find(|(_, parts)| !seen.insert(*parts)).map(|(path, _)| path) {
+        let what = format!("{} is given twice; give each folder, picture and film once", twice.display());
+        return Err(FrameError::NotFound(what));
+    }
     let longest = parts.iter().map(Vec::len).max().unwrap_or(0);
     for count in at_least..=longest.max(at_least) {
         let prefixes: Vec<String> =
             parts.iter().map(|parts| parts[parts.len().saturating_sub(count)..].join("/")).collect();
-        if prefixes.iter().collect::<BTreeSet<_>>().len() == prefixes.len() {
-            return Ok(prefixes);
+        if prefixes.iter().collect::<BTreeSet<_>>().len() < prefixes.len() {
+            continue;
+        }
+        let names: Vec<String> = items.iter().map(|(source, name)| joined(&prefixes[*source], name)).collect();
+        let unique = names.iter().collect::<BTreeSet<_>>().len() == names.len();
+        if unique && !names.iter().any(|name| taken.contains(name.as_str())) {
+            return Ok(names);
         }
     }
-    let mut seen = BTreeSet::new();
-    let twice = sources.iter().find(|path| !seen.insert(parts_of(path)));
-    let twice = twice.map(|path| path.display().to_string()).unwrap_or_default();
-    Err(FrameError::NotFound(format!("{twice} is given twice; give each folder, picture and film once")))
+    Err(FrameError::NotFound("the frames cannot be told apart from those that are there; rename their folder".into()))
+}
+
+fn joined(prefix: &str, name: &str) -> String {
+    [prefix, name].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("/")
 }
 
 fn parts_of(path: &Path) -> Vec<String> {
@@ -36,27 +52,38 @@ fn parts_of(path: &Path) -> Vec<String> {
 mod tests {
     use super::*;
 
-    fn named(sources: &[&str], at_least: usize) -> Vec<String> {
+    fn named(sources: &[&str], at_least: usize, taken: &[&str]) -> Result<Vec<String>, String> {
         let sources: Vec<&Path> = sources.iter().map(Path::new).collect();
-        prefixes(&sources, at_least).unwrap()
+        let items: Vec<(usize, &str)> = (0..sources.len()).map(|source| (source, "1.png")).collect();
+        let taken = taken.iter().copied().collect();
+        name_frames(&items, &sources, at_least, &taken).map_err(|error| error.to_string())
     }
 
     #[test]
-    fn one_source_needs_no_words() {
-        assert_eq!(named(&["/data/run1/color"], 0), [""]);
-        assert_eq!(named(&["/data/film"], 1), ["film"]);
+    fn one_folder_needs_no_words() {
+        assert_eq!(named(&["/data/run1/color"], 0, &[]).unwrap(), ["1.png"]);
+        assert_eq!(named(&["/data/film"], 1, &[]).unwrap(), ["film/1.png"]);
     }
 
     #[test]
     fn several_take_as_many_parts_as_make_them_differ() {
-        assert_eq!(named(&["/data/run1", "/data/run2"], 1), ["run1", "run2"]);
-        assert_eq!(named(&["/data/run1/color", "/data/run2/color"], 1), ["run1/color", "run2/color"]);
-        assert_eq!(named(&["/a/color", "/x/a/color"], 1), ["a/color", "x/a/color"]);
+        assert_eq!(named(&["/data/run1", "/data/run2"], 1, &[]).unwrap(), ["run1/1.png", "run2/1.png"]);
+        assert_eq!(
+            named(&["/a/run1/color", "/a/run2/color"], 1, &[]).unwrap(),
+            ["run1/color/1.png", "run2/color/1.png"]
+        );
+        assert_eq!(named(&["/a/color", "/x/a/color"], 1, &[]).unwrap(), ["a/color/1.png", "x/a/color/1.png"]);
+    }
+
+    #[test]
+    fn taken_names_are_avoided() {
+        assert_eq!(named(&["/b/color"], 0, &["2.png"]).unwrap(), ["1.png"]);
+        assert_eq!(named(&["/b/color"], 0, &["1.png", "color/1.png"]).unwrap(), ["b/color/1.png"]);
+        assert!(named(&["/b"], 0, &["1.png", "b/1.png"]).unwrap_err().contains("rename"));
     }
 
     #[test]
     fn the_same_twice_is_an_error() {
-        let twice = [Path::new("/data/run1"), Path::new("/data/run1")];
-        assert!(prefixes(&twice, 1).unwrap_err().to_string().contains("/data/run1 is given twice"));
+        assert!(named(&["/data/run1", "/data/run1"], 1, &[]).unwrap_err().contains("/data/run1 is given twice"));
     }
 }

@@ -89,10 +89,19 @@ fn file_of(name: &str) -> &str {
     name.rfind('/').map_or(name, |slash| &name[slash + 1..])
 }
 
+/// Whether a word of the file name is `depth`.
+pub(super) fn says_depth(name: &str) -> bool {
+    words_of(without_ending(name)).any(|word| word.eq_ignore_ascii_case("depth"))
+}
+
+fn words_of(name: &str) -> impl Iterator<Item = &str> {
+    file_of(name).split(['.', '_', '-'])
+}
+
 /// The name without the words that tell colour from depth, e.g. `frame-7.color` → `frame-7`.
 pub(super) fn without_role(name: &str) -> String {
     let is_role = |word: &&str| ROLE_WORDS.iter().any(|role| word.eq_ignore_ascii_case(role));
-    let words: Vec<&str> = file_of(name).split(['.', '_', '-']).filter(|word| !is_role(word)).collect();
+    let words: Vec<&str> = words_of(name).filter(|word| !is_role(word)).collect();
     format!("{}/{}", folder_of(name), words.join("-"))
 }
 

@@ -1,20 +1,32 @@
 use std::path::{Path, PathBuf};
 
-use super::listing::{Listed, PICTURE_ENDINGS, list_pictures, text_of};
-use super::pairing::{Pairs, pair_by_name};
+use super::depth::{pair, warn_of_tum_unit, with_depth};
+use super::layout::{beside_depth, recognise, split_by_name};
+use super::listing::{Listed, PICTURE_ENDINGS, has_picture_ending, list_pictures, text_of};
+use super::pairing::without_ending;
 use super::request::FrameFolder;
-use super::tum::{pair_by_associations, pair_by_time};
-use crate::frames::FrameError;
+use crate::engine::job::Progress;
+use crate::frames::film::{Probed, probe};
+use crate::frames::header::is_picture;
+use crate::frames::{FrameError, PictureSource};
 
 /// The pictures of one source, in order.
 #[derive(Debug)]
 pub(super) struct Source {
     /// The path whose last parts go before names when there are several sources.
     pub place: PathBuf,
-    /// Whether names need no words of `place` when this is the only source.
-    pub is_folder: bool,
+    /// What the source is.
+    pub kind: Kind,
     /// At least one.
     pub items: Vec<Item>,
+}
+
+/// What a path given as frames can be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Folder,
+    Picture,
+    Film,
 }
 
 /// One picture before its header is read.
@@ -22,73 +34,136 @@ pub(super) struct Source {
 pub(super) struct Item {
     /// Below the source; empty when the source is this one picture.
     pub name: String,
-    /// The picture file.
-    pub picture: PathBuf,
+    /// Where the picture comes from.
+    pub origin: Origin,
     /// The depth file that belongs to it.
     pub depth: Option<PathBuf>,
 }
 
-/// Lists one source and pairs its depth; what the user should know goes to `warnings`.
-pub(super) fn list_source(given: &FrameFolder, warnings: &mut Vec<String>) -> Result<Source, FrameError> {
-    let place = located(&given.frames)?;
-    let depth = given.depth.as_deref().map(located).transpose()?;
-    let (is_folder, mut pictures) = (place.is_dir(), pictures_at(&place)?);
-    let Some(depth) = depth else {
-        let items = pictures.into_iter().map(|p| Item { name: p.name, picture: p.path, depth: None }).collect();
-        return Ok(Source { place, is_folder, items });
-    };
-    let depths = pictures_at(&depth)?;
-    if depth != place {
-        pictures.retain(|picture| !picture.path.starts_with(&depth));
-    }
-    let pairs = pair(&pictures, &depths, &[&place, &depth], warnings)?;
-    if pairs.count() == 0 {
-        return Err(FrameError::NotFound(format!(
-            "{}: no depth picture fits a frame of {}, by name, number or time; check that the folders belong together",
-            depth.display(),
-            place.display()
-        )));
-    }
-    Ok(Source { place, is_folder, items: paired(pictures, &depths, &pairs) })
+/// Where a picture comes from, before its header is read.
+#[derive(Debug, Clone)]
+pub(super) enum Origin {
+    /// A picture file.
+    File(PathBuf),
+    /// A picture of a film, with its size as shown.
+    Film(PictureSource, (u32, u32)),
 }
 
-/// Decides which depth belongs to which picture.
-pub(super) fn pair(
-    pictures: &[Listed],
-    depths: &[Listed],
-    places: &[&Path],
-    warnings: &mut Vec<String>,
-) -> Result<Pairs, FrameError> {
-    let mut pairs = Pairs::none(pictures.len(), depths.len());
-    if let (&[_], &[_]) = (pictures, depths) {
-        pairs.join(0, 0);
-        return Ok(pairs);
+/// What listing needs to know besides the source, and what it tells.
+pub(super) struct Listing<'a> {
+    pub depth_unit: f64,
+    pub progress: &'a Progress,
+    pub warnings: Vec<String>,
+}
+
+impl Listing<'_> {
+    /// Lists one source and pairs its depth.
+    pub fn list(&mut self, given: &FrameFolder) -> Result<Source, FrameError> {
+        let place = located(&given.frames)?;
+        let kind = kind_of(&place)?;
+        let depth = given.depth.as_deref().map(located).transpose()?;
+        let items = match (kind, depth) {
+            (Kind::Film, depth) => self.film(&place, depth.as_deref())?,
+            (Kind::Picture, None) => vec![without_depth(one_file(&place))],
+            (Kind::Folder, None) => recognise(&place, pictures_in(&place)?, self)?,
+            (_, Some(depth)) => self.with_given_depth(&place, &depth)?,
+        };
+        Ok(Source { place, kind, items })
     }
-    let folders: Vec<&Path> = places.iter().flat_map(|place| [Some(*place), place.parent()]).flatten().collect();
-    if pair_by_associations(&mut pairs, &folders, pictures, depths)? {
-        if pairs.count() > 0 {
-            return Ok(pairs);
+
+    fn with_given_depth(&mut self, place: &Path, depth: &Path) -> Result<Vec<Item>, FrameError> {
+        let (mut pictures, mut depths) = (pictures_at(place)?, pictures_at(depth)?);
+        if depth == place {
+            (pictures, depths) = split_by_name(pictures);
+        } else if depth.starts_with(place) {
+            pictures = beside_depth(pictures, depth);
         }
-        warnings.push("associations.txt names none of these pictures; depth is paired by name".into());
+        let items = pictures.into_iter().map(without_depth).collect();
+        self.paired(items, &depths, [place, depth])
     }
-    let names = |listed: &[Listed]| listed.iter().map(|file| file.name.clone()).collect::<Vec<_>>();
-    let (pictures, depths) = (names(pictures), names(depths));
-    let pictures: Vec<&str> = pictures.iter().map(String::as_str).collect();
-    let depths: Vec<&str> = depths.iter().map(String::as_str).collect();
-    if !pair_by_time(&mut pairs, &pictures, &depths) {
-        pair_by_name(&mut pairs, &pictures, &depths);
+
+    fn film(&mut self, film: &Path, depth: Option<&Path>) -> Result<Vec<Item>, FrameError> {
+        let probed = probe(film, self.progress)?;
+        if let Some(damage) = &probed.damage {
+            let count = probed.times_s.len();
+            self.warnings.push(format!("{}: damaged ({damage}); {count} pictures can be read", film.display()));
+        }
+        let items = film_items(film, &probed);
+        match depth {
+            Some(depth) => self.paired(items, &pictures_at(depth)?, [film, depth]),
+            None => Ok(items),
+        }
     }
-    Ok(pairs)
+
+    /// Gives pictures the depth the user named; that none fits is an error.
+    fn paired(&mut self, items: Vec<Item>, depths: &[Listed], places: [&Path; 2]) -> Result<Vec<Item>, FrameError> {
+        let names: Vec<Listed> = items.iter().map(Item::listed).collect();
+        let pairs = pair(&names, depths, &places, &mut self.warnings)?;
+        if pairs.count() == 0 {
+            let [place, depth] = places.map(Path::display);
+            return Err(FrameError::NotFound(format!(
+                "{depth}: no depth picture fits a frame of {place}, by name, number or time; check that the two belong \
+                 together"
+            )));
+        }
+        self.warnings.extend(warn_of_tum_unit(&names, self.depth_unit));
+        Ok(with_depth(items, depths, &pairs))
+    }
 }
 
-/// Pictures with the depths they were paired with.
-pub(super) fn paired(pictures: Vec<Listed>, depths: &[Listed], pairs: &Pairs) -> Vec<Item> {
-    let with_depth = |(picture, depth): (Listed, &Option<usize>)| Item {
-        name: picture.name,
-        picture: picture.path,
-        depth: depth.map(|index| depths[index].path.clone()),
+impl Item {
+    /// Name and file, as pairing wants them.
+    fn listed(&self) -> Listed {
+        let path = match &self.origin {
+            Origin::File(path) => path.clone(),
+            Origin::Film(source, _) => source.path().into(),
+        };
+        Listed { name: self.name.clone(), path }
+    }
+
+    /// What tells this picture from all others: its file, and which one of the film.
+    pub fn identity(&self) -> (PathBuf, u64) {
+        match &self.origin {
+            Origin::File(path) => (path.clone(), 0),
+            Origin::Film(source, _) => source.identity(),
+        }
+    }
+
+    /// The picture file and the depth file, where there are both.
+    pub fn files_with_depth(&self) -> Option<(&Path, &Path)> {
+        match (&self.origin, &self.depth) {
+            (Origin::File(picture), Some(depth)) => Some((picture, depth)),
+            _ => None,
+        }
+    }
+}
+
+/// A picture without depth so far.
+pub(super) fn without_depth(picture: Listed) -> Item {
+    Item { name: picture.name, origin: Origin::File(picture.path), depth: None }
+}
+
+fn film_items(film: &Path, probed: &Probed) -> Vec<Item> {
+    let item = |(index, &time_s): (u64, &f64)| {
+        let source = PictureSource::Film { path: film.into(), index, time_s };
+        Item { name: format!("{index:06}"), origin: Origin::Film(source, (probed.width, probed.height)), depth: None }
     };
-    pictures.into_iter().zip(&pairs.depth_of).map(with_depth).collect()
+    (0..).zip(&probed.times_s).map(item).collect()
+}
+
+/// What names of a source's frames begin with: for a film its name without the ending.
+pub(super) fn stem(source: &Source) -> PathBuf {
+    match (source.kind, source.place.to_str()) {
+        (Kind::Film, Some(place)) => without_ending(place).into(),
+        _ => source.place.clone(),
+    }
+}
+
+fn kind_of(place: &Path) -> Result<Kind, FrameError> {
+    if place.is_dir() {
+        return Ok(Kind::Folder);
+    }
+    Ok(if has_picture_ending(place) || is_picture(place)? { Kind::Picture } else { Kind::Film })
 }
 
 /// The absolute path of what the user named, with its own last name kept even where that is a link.
@@ -106,14 +181,20 @@ fn located(given: &Path) -> Result<PathBuf, FrameError> {
     Ok(path)
 }
 
+fn one_file(path: &Path) -> Listed {
+    Listed { name: String::new(), path: path.into() }
+}
+
 fn pictures_at(place: &Path) -> Result<Vec<Listed>, FrameError> {
-    if !place.is_dir() {
-        return Ok(vec![Listed { name: String::new(), path: place.into() }]);
-    }
+    if place.is_dir() { pictures_in(place) } else { Ok(vec![one_file(place)]) }
+}
+
+fn pictures_in(place: &Path) -> Result<Vec<Listed>, FrameError> {
     let pictures = list_pictures(place)?;
     if pictures.is_empty() {
         return Err(FrameError::NotFound(format!(
-            "{}: no pictures in this folder or below it (looked for names ending in {})",
+            "{}: no pictures in this folder or below it (looked for names ending in {}); give a folder of pictures, or \
+             a film by its own path",
             place.display(),
             PICTURE_ENDINGS.join(", ")
         )));

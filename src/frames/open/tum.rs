@@ -1,5 +1,5 @@
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::listing::Listed;
 use super::pairing::{Pairs, without_ending};
@@ -9,15 +9,15 @@ use crate::frames::FrameError;
 const MAX_TIME_DIFFERENCE_S: f64 = 0.02;
 
 /// Adds the pairs that `associations.txt` lists (`time path time path` a line, colour or depth first), looked for in
-/// `folders` in order. Returns whether a file was found.
+/// `folders` in order. Returns the file where there is one.
 pub(super) fn pair_by_associations(
     pairs: &mut Pairs,
     folders: &[&Path],
     pictures: &[Listed],
     depths: &[Listed],
-) -> Result<bool, FrameError> {
+) -> Result<Option<PathBuf>, FrameError> {
     let found = folders.iter().map(|folder| folder.join("associations.txt")).find(|path| path.is_file());
-    let Some(path) = found else { return Ok(false) };
+    let Some(path) = found else { return Ok(None) };
     let bytes = std::fs::read(&path).map_err(|source| FrameError::io(&path, source))?;
     let text = String::from_utf8_lossy(&bytes);
     let (pictures, depths) = (ByFileName::new(pictures), ByFileName::new(depths));
@@ -30,7 +30,7 @@ pub(super) fn pair_by_associations(
             }
         }
     }
-    Ok(true)
+    Ok(Some(path))
 }
 
 /// Adds pairs of nearest times, at most 0.02 s apart, where every name is a time in seconds. Returns whether they are.
@@ -52,7 +52,7 @@ pub(super) fn pair_by_time(pairs: &mut Pairs, pictures: &[&str], depths: &[&str]
 }
 
 /// The times that file names are, where all of them are decimal numbers of seconds.
-fn times_of(names: &[&str]) -> Option<Vec<f64>> {
+pub(super) fn times_of(names: &[&str]) -> Option<Vec<f64>> {
     let time_of = |name: &&str| {
         let stem = without_ending(name);
         let stem = stem.rsplit('/').next().unwrap_or(stem);
@@ -115,7 +115,7 @@ mod tests {
         std::fs::write(folder.path().join("associations.txt"), text).unwrap();
         let (pictures, depths) = (listed(&["rgb/a.png", "rgb/c.png"]), listed(&["depth/b.png", "depth/d.png"]));
         let mut pairs = Pairs::none(2, 2);
-        assert!(pair_by_associations(&mut pairs, &[folder.path()], &pictures, &depths).unwrap());
+        assert!(pair_by_associations(&mut pairs, &[folder.path()], &pictures, &depths).unwrap().is_some());
         assert_eq!(pairs.depth_of, [Some(0), Some(1)]);
     }
 }

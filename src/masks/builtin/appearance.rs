@@ -42,6 +42,11 @@ impl Palette {
         Self { of_region, alike: likeness(&entries) }
     }
 
+    /// Number of entries.
+    pub fn entries(&self) -> u8 {
+        ENTRIES as u8
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.of_region) + size_of_val(&*self.alike)

@@ -86,6 +86,12 @@ impl RegionGraph {
         &self.neighbours[self.first[region] as usize..self.first[region + 1] as usize]
     }
 
+    /// Distance between the middles of an edge's regions, pixels.
+    pub fn apart(&self, edge: &Edge) -> f32 {
+        let (a, b) = (&self.regions[edge.a as usize], &self.regions[edge.b as usize]);
+        (a.at[0] - b.at[0]).hypot(a.at[1] - b.at[1])
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.of_pixel)

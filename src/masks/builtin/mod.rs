@@ -3,11 +3,15 @@
 //! May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
 mod appearance;
+mod candidates;
+mod choice;
 mod color;
 mod depth_edges;
 mod edges;
 mod energy;
 mod filter;
+#[cfg(test)]
+mod fitting;
 mod geodesic;
 mod graph;
 mod maxflow;
@@ -15,5 +19,7 @@ mod prepared;
 mod query;
 mod regions;
 mod segmenter;
+mod situation;
+mod traits;
 
 pub use segmenter::BuiltinSegmenter;

@@ -26,28 +26,32 @@ impl Segmenter for BuiltinSegmenter {
         depth: Option<&Arc<DepthMap>>,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
-        const STAGES: usize = 4;
-        let (width, height) = (image.width as usize, image.height as usize);
-        if width == 0 || height == 0 || image.pixels.len() != width * height {
-            return Err(MaskError::Request(format!("a picture of {width}×{height} cannot be segmented; open another")));
-        }
-        let depth = depth.map(AsRef::as_ref);
-        if let Some(depth) = depth.filter(|depth| (depth.width, depth.height) != (image.width, image.height)) {
-            return Err(MaskError::Request(format!(
-                "the depth map is {}×{}, the picture {width}×{height}; give depth of the picture's size",
-                depth.width, depth.height
-            )));
-        }
-        progress.step(0, STAGES)?;
-        let lab = lab_of(image);
-        progress.step(1, STAGES)?;
-        let edges = edge_map(&lab, width, height, depth.map(depth_edges).as_ref());
-        progress.step(2, STAGES)?;
-        let partition = partition(&lab, depth, &edges, width, &RegionOptions::default());
-        progress.step(3, STAGES)?;
-        let graph = RegionGraph::new(partition, &lab, depth, width);
-        let palette = Palette::new(&graph.regions);
-        progress.step(STAGES, STAGES)?;
-        Ok(Arc::new(Prepared { graph, palette }))
+        Ok(Arc::new(prepare(image, depth.map(AsRef::as_ref), progress)?))
     }
+}
+
+/// All that is done once per frame.
+pub(super) fn prepare(image: &Image, depth: Option<&DepthMap>, progress: &Progress) -> Result<Prepared, MaskError> {
+    const STAGES: usize = 4;
+    let (width, height) = (image.width as usize, image.height as usize);
+    if width == 0 || height == 0 || image.pixels.len() != width * height {
+        return Err(MaskError::Request(format!("a picture of {width}×{height} cannot be segmented; open another")));
+    }
+    if let Some(depth) = depth.filter(|depth| (depth.width, depth.height) != (image.width, image.height)) {
+        return Err(MaskError::Request(format!(
+            "the depth map is {}×{}, the picture {width}×{height}; give depth of the picture's size",
+            depth.width, depth.height
+        )));
+    }
+    progress.step(0, STAGES)?;
+    let lab = lab_of(image);
+    progress.step(1, STAGES)?;
+    let edges = edge_map(&lab, width, height, depth.map(depth_edges).as_ref());
+    progress.step(2, STAGES)?;
+    let partition = partition(&lab, depth, &edges, width, &RegionOptions::default());
+    progress.step(3, STAGES)?;
+    let graph = RegionGraph::new(partition, &lab, depth, width);
+    let palette = Palette::new(&graph.regions);
+    progress.step(STAGES, STAGES)?;
+    Ok(Prepared { graph, palette })
 }

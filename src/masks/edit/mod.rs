@@ -11,6 +11,7 @@ pub use assign::{PaintRule, assign, erase};
 pub use brush::stroke;
 pub use compose::{compose, taken_by_others};
 pub use polygon::fill_polygons;
+pub(super) use polygon::polygon_spans;
 
 #[cfg(test)]
 mod tests;

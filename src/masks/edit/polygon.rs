@@ -11,22 +11,41 @@ use crate::masks::{MaskError, Region};
 /// # Errors
 /// [`MaskError::Request`] for corners that are not numbers.
 pub fn fill_polygons(width: u32, height: u32, rings: &[Vec<DVec2>]) -> Result<Region, MaskError> {
-    let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); height as usize];
+    let mut region = Region::empty(width, height);
+    polygon_spans(width, height, rings, |pixels| region.inside[pixels].fill(true))?;
+    Ok(region)
+}
+
+/// The stretches of pixels (places in the frame's pixels row by row) that [`fill_polygons`] fills; only rows that the
+/// polygons reach are looked at.
+///
+/// # Errors
+/// As [`fill_polygons`].
+pub(in crate::masks) fn polygon_spans(
+    width: u32,
+    height: u32,
+    rings: &[Vec<DVec2>],
+    mut emit: impl FnMut(Range<usize>),
+) -> Result<(), MaskError> {
+    let (width, height) = (width as usize, height as usize);
+    rings.iter().try_for_each(|ring| check_points(ring))?;
+    let heights = || rings.iter().flatten().map(|corner| corner.y);
+    let top = first_from(heights().fold(f64::INFINITY, f64::min), height);
+    let bottom = first_from(heights().fold(f64::NEG_INFINITY, f64::max), height);
+    let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); bottom.saturating_sub(top)];
     for ring in rings {
-        check_points(ring)?;
         for (at, &corner) in ring.iter().enumerate() {
-            add_crossings(&mut crossings, corner, ring[(at + 1) % ring.len()]);
+            add_crossings(&mut crossings, top, corner, ring[(at + 1) % ring.len()]);
         }
     }
-    let mut region = Region::empty(width, height);
-    for (pixels, crossings) in region.inside.chunks_exact_mut(width.max(1) as usize).zip(&mut crossings) {
+    for (row, crossings) in (top..).zip(&mut crossings) {
         crossings.sort_unstable_by(f64::total_cmp);
         for pair in crossings.chunks_exact(2) {
-            let columns = columns_right_of(pair[0], pixels.len())..columns_right_of(pair[1], pixels.len());
-            pixels[columns].fill(true);
+            let columns = first_from(pair[0], width)..first_from(pair[1], width);
+            emit(row * width + columns.start..row * width + columns.end);
         }
     }
-    Ok(region)
+    Ok(())
 }
 
 /// Fails on a coordinate that is not a finite number.
@@ -39,25 +58,25 @@ pub(super) fn check_points(points: &[DVec2]) -> Result<(), MaskError> {
 
 /// Columns of the pixels whose centres lie in `left..=right`.
 pub(super) fn columns_between(left: f64, right: f64, width: usize) -> Range<usize> {
-    let start = columns_right_of(left, width);
+    let start = first_from(left, width);
     let end = (right + 0.5).floor().clamp(0.0, width as f64) as usize;
     start..end.max(start)
 }
 
-/// First column whose pixel centre is at `x` or to its right.
-fn columns_right_of(x: f64, width: usize) -> usize {
-    (x - 0.5).ceil().clamp(0.0, width as f64) as usize
+/// First of `count` columns (or rows) whose pixel centres are at `edge` or beyond.
+fn first_from(edge: f64, count: usize) -> usize {
+    (edge - 0.5).ceil().clamp(0.0, count as f64) as usize
 }
 
-/// Where a side crosses the line through the pixel centres of each row; lower ends are left out, so that a corner on
+/// Where a side crosses the lines through the pixel centres of the rows from `top` on; lower ends are left out, so that a corner on
 /// the line counts once.
-fn add_crossings(crossings: &mut [Vec<f64>], from: DVec2, to: DVec2) {
+fn add_crossings(crossings: &mut [Vec<f64>], top: usize, from: DVec2, to: DVec2) {
     // The same order for both ways of a side, so that a seam walked there and back cancels exactly.
     let (a, b) = if (from.y, from.x) <= (to.y, to.x) { (from, to) } else { (to, from) };
-    let rows = columns_right_of(a.y, crossings.len())..columns_right_of(b.y, crossings.len());
-    for row in rows {
+    let bottom = top + crossings.len();
+    for row in first_from(a.y, bottom)..first_from(b.y, bottom) {
         let share = (row as f64 + 0.5 - a.y) / (b.y - a.y);
-        crossings[row].push(a.x + share * (b.x - a.x));
+        crossings[row - top].push(a.x + share * (b.x - a.x));
     }
 }
 

@@ -1,0 +1,296 @@
+use egui::{Key, KeyboardShortcut, Modifiers};
+use serde::{Deserialize, Serialize};
+
+use super::Tool;
+
+/// Everything that can be done from a menu, the palette or a key: one list feeds menus, shortcuts, tooltips, the
+/// palette and the shortcut sheet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub enum Action {
+    /// Dialog for a new project.
+    NewProject,
+    /// Chooses a project folder.
+    Open,
+    /// Chooses a PLY to look at alone.
+    Inspect,
+    /// Dialog for more frames.
+    AddFrames,
+    /// Chooses a folder of masks.
+    ImportMasks,
+    /// Dialog for exports.
+    Export,
+    /// Writes the history as a recipe.
+    SaveRecipe,
+    /// Closes the project.
+    Close,
+    /// Ends the program.
+    Quit,
+    /// Takes back the last step.
+    Undo,
+    /// Does it again.
+    Redo,
+    /// Makes a label.
+    AddLabel,
+    /// Chooses the n-th label, 1–9.
+    ChooseLabel(u8),
+    /// Include click at the pointer.
+    IncludeHere,
+    /// Exclude click at the pointer.
+    ExcludeHere,
+    /// Takes the chosen label off this frame.
+    ClearLabelHere,
+    /// Takes the whole mask off this frame.
+    ClearFrame,
+    /// Accepts a tracked mask as it is.
+    MakeAnchor,
+    /// Chooses a tool.
+    UseTool(Tool),
+    /// Smaller brush.
+    SmallerBrush,
+    /// Larger brush.
+    LargerBrush,
+    /// One frame back.
+    PreviousFrame,
+    /// One frame on.
+    NextFrame,
+    /// Ten frames back.
+    Back10,
+    /// Ten frames on.
+    Forward10,
+    /// First frame.
+    FirstFrame,
+    /// Last frame.
+    LastFrame,
+    /// Next frame whose mask is stale or uncertain.
+    NextDoubtful,
+    /// Carries masks both ways.
+    Track,
+    /// Carries masks to later frames.
+    TrackForward,
+    /// Carries masks to earlier frames.
+    TrackBackward,
+    /// Makes cameras and depths.
+    Reconstruct,
+    /// Makes the labelled cloud.
+    Fuse,
+    /// Stops what runs.
+    Stop,
+    /// Drops the half-made prompt, else stops what runs.
+    Cancel,
+    /// Whole picture in the canvas.
+    Fit,
+    /// One picture pixel = one screen pixel.
+    ActualSize,
+    /// Mask overlay on and off.
+    ToggleMasks,
+    /// Outlines on and off.
+    ToggleOutlines,
+    /// Picture and 3-D.
+    ShowBoth,
+    /// Picture alone.
+    ShowPicture,
+    /// 3-D alone.
+    ShowScene,
+    /// Whole cloud in the 3-D view.
+    FrameCloud,
+    /// 3-D view from this frame's camera.
+    LookThrough,
+    /// Dark and light.
+    ToggleTheme,
+    /// List of actions to type into.
+    Palette,
+    /// Shortcut sheet.
+    ShortcutSheet,
+}
+
+/// The menus, from left to right.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MenuName {
+    /// Projects and files.
+    File,
+    /// Undo, labels, masks.
+    Edit,
+    /// What is shown, and how.
+    View,
+    /// From frame to frame.
+    Go,
+    /// Long work.
+    Run,
+    /// Where to find things.
+    Help,
+}
+
+impl MenuName {
+    /// All menus, from left to right.
+    pub const ALL: [Self; 6] = [Self::File, Self::Edit, Self::View, Self::Go, Self::Run, Self::Help];
+
+    /// What the menu bar shows.
+    #[must_use]
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::File => "File",
+            Self::Edit => "Edit",
+            Self::View => "View",
+            Self::Go => "Go",
+            Self::Run => "Run",
+            Self::Help => "Help",
+        }
+    }
+}
+
+impl Action {
+    /// All actions in the order of menus and sheet.
+    pub fn all() -> impl Iterator<Item = Self> {
+        LIST.iter().map(|row| row.action).chain((1..=9).map(Self::ChooseLabel))
+    }
+
+    /// What menus and palette show.
+    #[must_use]
+    pub fn text(self) -> String {
+        match self {
+            Self::ChooseLabel(number) => format!("Choose label {number}"),
+            _ => row(self).map_or_else(String::new, |row| row.text.into()),
+        }
+    }
+
+    /// What it does, for tooltips.
+    #[must_use]
+    pub fn tip(self) -> &'static str {
+        row(self).map_or("Chooses that label of the list for clicks and brush", |row| row.tip)
+    }
+
+    /// The menu it stands in, where it stands in one.
+    #[must_use]
+    pub fn menu(self) -> Option<MenuName> {
+        row(self).and_then(|row| row.menu)
+    }
+
+    /// Whether a line is drawn above it in its menu.
+    #[must_use]
+    pub fn starts_group(self) -> bool {
+        row(self).is_some_and(|row| row.line)
+    }
+
+    /// The keys it has until the user changes them.
+    #[must_use]
+    pub fn default_keys(self) -> Option<KeyboardShortcut> {
+        match self {
+            Self::ChooseLabel(number) => {
+                Key::from_name(&number.to_string()).map(|key| KeyboardShortcut::new(Modifiers::NONE, key))
+            }
+            _ => row(self)?.keys,
+        }
+    }
+}
+
+struct Row {
+    action: Action,
+    menu: Option<MenuName>,
+    line: bool,
+    text: &'static str,
+    tip: &'static str,
+    keys: Option<KeyboardShortcut>,
+}
+
+const fn plain(key: Key) -> Option<KeyboardShortcut> {
+    Some(KeyboardShortcut::new(Modifiers::NONE, key))
+}
+
+const fn shift(key: Key) -> Option<KeyboardShortcut> {
+    Some(KeyboardShortcut::new(Modifiers::SHIFT, key))
+}
+
+const fn ctrl(key: Key) -> Option<KeyboardShortcut> {
+    Some(KeyboardShortcut::new(Modifiers::COMMAND, key))
+}
+
+const fn ctrl_shift(key: Key) -> Option<KeyboardShortcut> {
+    Some(KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), key))
+}
+
+fn row(action: Action) -> Option<&'static Row> {
+    LIST.iter().find(|row| row.action == action)
+}
+
+macro_rules! list {
+    ($( $action:expr, $menu:expr, $line:literal, $text:literal, $tip:literal, $keys:expr; )*) => {
+        &[ $( Row { action: $action, menu: $menu, line: $line, text: $text, tip: $tip, keys: $keys } ),* ]
+    };
+}
+
+const FILE: Option<MenuName> = Some(MenuName::File);
+const EDIT: Option<MenuName> = Some(MenuName::Edit);
+const VIEW: Option<MenuName> = Some(MenuName::View);
+const GO: Option<MenuName> = Some(MenuName::Go);
+const RUN: Option<MenuName> = Some(MenuName::Run);
+const HELP: Option<MenuName> = Some(MenuName::Help);
+
+#[rustfmt::skip] // a table: one action a line reads best
+const LIST: &[Row] = {
+    use Action as A;
+    list! {
+        A::NewProject, FILE, false, "New project from frames…", "Makes a project from photos, a film or an RGB-D recording", ctrl(Key::N);
+        A::Open, FILE, false, "Open project…", "Opens a project folder", ctrl(Key::O);
+        A::Inspect, FILE, false, "Inspect PLY…", "Shows a labelled point cloud alone in 3-D", ctrl_shift(Key::O);
+        A::AddFrames, FILE, true, "Add frames…", "Puts more frames at the end; nothing that is there changes", None;
+        A::ImportMasks, FILE, false, "Import masks…", "Reads palette PNGs from a folder; their frames become anchors", None;
+        A::Export, FILE, true, "Export…", "Writes cloud, cameras, masks or depths to files", ctrl(Key::E);
+        A::SaveRecipe, FILE, false, "Save history as recipe…", "Writes the steps so far as a recipe for 'ostra run'", None;
+        A::Close, FILE, true, "Close project", "Closes the project; everything is already saved", ctrl(Key::W);
+        A::Quit, FILE, false, "Quit", "Ends OSTRA; everything is already saved", ctrl(Key::Q);
+        A::Undo, EDIT, false, "Undo", "Takes back the last step", ctrl(Key::Z);
+        A::Redo, EDIT, false, "Redo", "Does the step taken back again", ctrl_shift(Key::Z);
+        A::AddLabel, EDIT, true, "Add label", "Makes a new label and chooses it", plain(Key::N);
+        A::IncludeHere, EDIT, true, "Include at pointer", "Says that the pixel under the pointer belongs to the label", plain(Key::Q);
+        A::ExcludeHere, EDIT, false, "Exclude at pointer", "Says that the pixel under the pointer does not belong to the label", plain(Key::E);
+        A::ClearLabelHere, EDIT, false, "Remove label from this frame", "Takes the chosen label's clicks and pixels off this frame", plain(Key::Delete);
+        A::ClearFrame, EDIT, false, "Clear this frame", "Takes all clicks and the whole mask off this frame", shift(Key::Delete);
+        A::MakeAnchor, EDIT, false, "Make this frame an anchor", "Accepts the tracked mask as it is; trackers keep it from now on", plain(Key::C);
+        A::UseTool(Tool::Click), EDIT, true, "Click and box tool", "Left click includes, right click excludes, dragging makes a box", plain(Key::V);
+        A::UseTool(Tool::Brush), EDIT, false, "Brush tool", "Paints the chosen label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
+        A::UseTool(Tool::Eraser), EDIT, false, "Eraser tool", "Takes the chosen label away; Shift+wheel sets the size", plain(Key::X);
+        A::UseTool(Tool::Polygon), EDIT, false, "Polygon tool", "Click corners; Enter or a double click fills the polygon", plain(Key::G);
+        A::SmallerBrush, EDIT, false, "Smaller brush", "Makes the brush smaller", plain(Key::OpenBracket);
+        A::LargerBrush, EDIT, false, "Larger brush", "Makes the brush larger", plain(Key::CloseBracket);
+        A::ShowBoth, VIEW, false, "Picture and 3-D", "Shows picture and 3-D view side by side", ctrl(Key::Num1);
+        A::ShowPicture, VIEW, false, "Picture alone", "Shows only the picture", ctrl(Key::Num2);
+        A::ShowScene, VIEW, false, "3-D alone", "Shows only the 3-D view", ctrl(Key::Num3);
+        A::Fit, VIEW, true, "Fit picture", "Shows the whole picture", plain(Key::Num0);
+        A::ActualSize, VIEW, false, "Picture at 100 %", "One picture pixel takes one screen pixel", shift(Key::Num0);
+        A::ToggleMasks, VIEW, false, "Show masks", "Shows or hides the masks over the picture", plain(Key::M);
+        A::ToggleOutlines, VIEW, false, "Show outlines", "Draws a line around every label", plain(Key::O);
+        A::FrameCloud, VIEW, true, "Show whole cloud", "Brings the whole cloud into the 3-D view", plain(Key::A);
+        A::LookThrough, VIEW, false, "Look through this frame's camera", "Puts the 3-D view where this frame was taken", plain(Key::L);
+        A::ToggleTheme, VIEW, true, "Dark or light", "Changes between the dark and the light look", plain(Key::F9);
+        A::PreviousFrame, GO, false, "Previous frame", "One frame back", plain(Key::ArrowLeft);
+        A::NextFrame, GO, false, "Next frame", "One frame on", plain(Key::ArrowRight);
+        A::Back10, GO, false, "10 frames back", "Ten frames back", shift(Key::ArrowLeft);
+        A::Forward10, GO, false, "10 frames on", "Ten frames on", shift(Key::ArrowRight);
+        A::FirstFrame, GO, false, "First frame", "To the first frame", plain(Key::Home);
+        A::LastFrame, GO, false, "Last frame", "To the last frame", plain(Key::End);
+        A::NextDoubtful, GO, true, "Next frame to check", "To the next frame whose mask is stale or uncertain", plain(Key::D);
+        A::Track, RUN, false, "Track both ways", "Carries the anchors' masks to all frames", plain(Key::T);
+        A::TrackForward, RUN, false, "Track forward from here", "Carries masks from this frame to later ones", plain(Key::F);
+        A::TrackBackward, RUN, false, "Track backward from here", "Carries masks from this frame to earlier ones", plain(Key::B);
+        A::Reconstruct, RUN, true, "Reconstruct", "Makes cameras and depths with the settings of the Reconstruct panel", plain(Key::R);
+        A::Fuse, RUN, false, "Fuse", "Makes the labelled cloud: every point takes the label most views vote for", plain(Key::U);
+        A::Stop, RUN, true, "Stop", "Stops what is running; what is finished is kept", None;
+        A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke or polygon; otherwise stops what is running", plain(Key::Escape);
+        A::Palette, HELP, false, "Find action…", "Lists all actions; type to narrow the list", ctrl(Key::P);
+        A::ShortcutSheet, HELP, false, "Shortcuts…", "Shows all shortcuts and lets you change them", plain(Key::Questionmark);
+    }
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_action_has_text_and_tip() {
+        for action in Action::all() {
+            assert!(!action.text().is_empty(), "{action:?}");
+            assert!(action.tip().len() > 8, "{action:?}");
+        }
+        assert_eq!(Action::ChooseLabel(3).default_keys(), plain(Key::Num3));
+    }
+}

@@ -1,0 +1,139 @@
+use egui::{Key, PointerButton, Response, Ui};
+use glam::DVec2;
+
+use super::draft::{Stroke, Tool};
+use super::map::CanvasMap;
+use super::prompts::{box_of, chosen_label, click_at, fill_polygon, paint};
+use crate::app::{Look, ViewState};
+use crate::session::Command;
+
+/// Turns what the pointer does on the picture into commands.
+pub(super) fn canvas_input(
+    ui: &Ui,
+    response: &Response,
+    map: &CanvasMap,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
+    wheel(ui, response, map, view);
+    if pan(ui, response, map, view) {
+        view.draft.drop_half_made();
+        return;
+    }
+    match view.tool {
+        Tool::Click => click_tool(response, map, look, view, out),
+        Tool::Brush | Tool::Eraser => brush_tool(ui, response, map, look, view, out),
+        Tool::Polygon => polygon_tool(ui, response, map, look, view, out),
+    }
+}
+
+/// Wheel: zoom at the pointer; with Shift the size of the brush.
+fn wheel(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) {
+    let Some(at) = response.hover_pos() else { return };
+    let (scroll, pinch, shift) = ui.input(|i| (i.smooth_scroll_delta(), i.zoom_delta(), i.modifiers.shift));
+    let turn = scroll.x + scroll.y;
+    if shift && matches!(view.tool, Tool::Brush | Tool::Eraser) {
+        let size = view.prefs.brush_px * f64::from((turn / 200.0).exp());
+        view.prefs.brush_px = size.clamp(0.5, 500.0);
+    } else if turn != 0.0 || pinch != 1.0 {
+        view.zoom.zoom_at(map, at, (turn / 200.0).exp() * pinch);
+    }
+}
+
+/// Middle drag or Space + drag; whether the pointer is taken for it.
+fn pan(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) -> bool {
+    let space = response.hovered() && ui.input(|i| i.key_down(Key::Space));
+    let dragging = response.dragged_by(PointerButton::Middle) || (space && response.dragged_by(PointerButton::Primary));
+    if dragging {
+        view.zoom.pan(map, response.drag_delta());
+        ui.ctx().set_cursor_icon(egui::CursorIcon::Grabbing);
+    } else if space {
+        ui.ctx().set_cursor_icon(egui::CursorIcon::Grab);
+    }
+    dragging || space
+}
+
+fn position(response: &Response, map: &CanvasMap) -> Option<DVec2> {
+    response.interact_pointer_pos().map(|at| map.to_px(at))
+}
+
+fn click_tool(response: &Response, map: &CanvasMap, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    let at = position(response, map);
+    if response.clicked() || response.secondary_clicked() {
+        if let Some(at_px) = at.and_then(|at| map.inside(at)) {
+            click_at(look, view, at_px, response.clicked(), out);
+        }
+        return;
+    }
+    if response.drag_started_by(PointerButton::Primary) {
+        let moved = response.total_drag_delta().unwrap_or_default();
+        let begin = response.interact_pointer_pos().map(|at| map.to_px(at - moved));
+        view.draft.box_from = begin.map(|at| map.clamped(at));
+    }
+    if response.drag_stopped_by(PointerButton::Primary)
+        && let (Some(from), Some(to)) = (view.draft.box_from.take(), at)
+    {
+        let to = map.clamped(to);
+        let size = (to - from).abs();
+        if size.min_element() >= 2.0 {
+            box_of(look, view, [from, to], out);
+        }
+    }
+}
+
+fn brush_tool(
+    ui: &Ui,
+    response: &Response,
+    map: &CanvasMap,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
+    let (primary, secondary, ctrl) =
+        ui.input(|i| (i.pointer.primary_down(), i.pointer.secondary_down(), i.modifiers.command));
+    if response.is_pointer_button_down_on() && (primary || secondary) {
+        let Some(at) = position(response, map) else { return };
+        if view.draft.stroke.is_none() {
+            let erase = view.tool == Tool::Eraser || secondary || ctrl;
+            let Some(label) = chosen_label(look, view, out) else { return };
+            let radius_px = view.prefs.brush_px;
+            view.draft.stroke = Some(Stroke { frame: view.frame, label, erase, points_px: vec![at], radius_px });
+        }
+        if let Some(stroke) = &mut view.draft.stroke
+            && stroke.points_px.last().is_none_or(|last| last.distance(at) >= 0.5)
+        {
+            stroke.points_px.push(at);
+        }
+    } else if let Some(stroke) = view.draft.stroke.take() {
+        paint(look, view, stroke, out);
+    }
+}
+
+fn polygon_tool(
+    ui: &Ui,
+    response: &Response,
+    map: &CanvasMap,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
+    let closed = response.double_clicked() || (response.hovered() && ui.input(|i| i.key_pressed(Key::Enter)));
+    if response.clicked()
+        && !closed
+        && let Some(at) = position(response, map)
+    {
+        let near_start = |first: &DVec2| map.to_screen(*first).distance(map.to_screen(at)) < 8.0;
+        if view.draft.polygon.len() >= 3 && view.draft.polygon.first().is_some_and(near_start) {
+            fill_polygon(look, view, out);
+            return;
+        }
+        view.draft.polygon.push(map.clamped(at));
+    }
+    if response.secondary_clicked() {
+        view.draft.polygon.pop();
+    }
+    if closed {
+        fill_polygon(look, view, out);
+    }
+}

@@ -1,0 +1,147 @@
+use egui::{Pos2, Rect, Vec2};
+use glam::DVec2;
+
+/// Zoom and place of the picture in its pane; as it was for the last frame when frames change.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ZoomState {
+    /// Screen points per picture pixel; `None` = the whole picture fits.
+    pub scale: Option<f32>,
+    /// The picture position in the middle of the pane; of no meaning while the picture fits.
+    pub centre_px: DVec2,
+}
+
+/// How picture positions lie on the screen right now.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CanvasMap {
+    /// The pane in screen points.
+    pub pane: Rect,
+    /// Columns and rows of the picture.
+    pub size_px: [u32; 2],
+    /// Screen points per picture pixel.
+    pub scale: f32,
+    /// The picture position in the middle of the pane.
+    pub centre_px: DVec2,
+}
+
+/// Free space around a picture that fits.
+const MARGIN: f32 = 10.0;
+/// Nearer than this many points per pixel nothing is gained.
+const MAX_SCALE: f32 = 64.0;
+
+impl ZoomState {
+    /// The map for a picture of this size in this pane.
+    #[must_use]
+    pub fn map(&self, pane: Rect, size_px: [u32; 2]) -> CanvasMap {
+        let middle = DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])) / 2.0;
+        match self.scale {
+            Some(scale) => CanvasMap { pane, size_px, scale, centre_px: self.centre_px },
+            None => CanvasMap { pane, size_px, scale: fit_scale(pane, size_px), centre_px: middle },
+        }
+    }
+
+    /// Comes nearer (`factor` > 1), keeping the picture position under `at` where it is.
+    pub fn zoom_at(&mut self, map: &CanvasMap, at: Pos2, factor: f32) {
+        let fixed = map.to_px(at);
+        let least = fit_scale(map.pane, map.size_px).min(1.0) * 0.25;
+        let scale = (map.scale * factor).clamp(least, MAX_SCALE);
+        let offset = at - map.pane.center();
+        self.scale = Some(scale);
+        self.centre_px = fixed - DVec2::new(f64::from(offset.x), f64::from(offset.y)) / f64::from(scale);
+        self.keep_in_sight(map.size_px);
+    }
+
+    /// Moves the picture by a pointer movement in screen points.
+    pub fn pan(&mut self, map: &CanvasMap, delta: Vec2) {
+        self.scale = Some(map.scale);
+        self.centre_px = map.centre_px - DVec2::new(f64::from(delta.x), f64::from(delta.y)) / f64::from(map.scale);
+        self.keep_in_sight(map.size_px);
+    }
+
+    fn keep_in_sight(&mut self, size_px: [u32; 2]) {
+        self.centre_px = self.centre_px.clamp(DVec2::ZERO, DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])));
+    }
+}
+
+impl CanvasMap {
+    /// The picture position at a place on the screen; may lie outside the picture.
+    #[must_use]
+    pub fn to_px(&self, at: Pos2) -> DVec2 {
+        let offset = at - self.pane.center();
+        self.centre_px + DVec2::new(f64::from(offset.x), f64::from(offset.y)) / f64::from(self.scale)
+    }
+
+    /// The place on the screen of a picture position.
+    #[must_use]
+    pub fn to_screen(&self, at_px: DVec2) -> Pos2 {
+        let offset = (at_px - self.centre_px) * f64::from(self.scale);
+        self.pane.center() + Vec2::new(offset.x as f32, offset.y as f32)
+    }
+
+    /// Where the whole picture lies on the screen.
+    #[must_use]
+    pub fn picture_rect(&self) -> Rect {
+        let size = DVec2::new(f64::from(self.size_px[0]), f64::from(self.size_px[1]));
+        Rect::from_two_pos(self.to_screen(DVec2::ZERO), self.to_screen(size))
+    }
+
+    /// The picture position, where it is inside the picture.
+    #[must_use]
+    pub fn inside(&self, at_px: DVec2) -> Option<DVec2> {
+        let [width, height] = self.size_px.map(f64::from);
+        (at_px.x >= 0.0 && at_px.y >= 0.0 && at_px.x < width && at_px.y < height).then_some(at_px)
+    }
+
+    /// The nearest picture position that is inside the picture.
+    #[must_use]
+    pub fn clamped(&self, at_px: DVec2) -> DVec2 {
+        let [width, height] = self.size_px.map(f64::from);
+        at_px.clamp(DVec2::ZERO, DVec2::new(width, height))
+    }
+}
+
+fn fit_scale(pane: Rect, size_px: [u32; 2]) -> f32 {
+    let free = (pane.size() - Vec2::splat(2.0 * MARGIN)).max(Vec2::splat(1.0));
+    (free.x / size_px[0].max(1) as f32).min(free.y / size_px[1].max(1) as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PANE: Rect = Rect { min: Pos2::new(100.0, 50.0), max: Pos2::new(900.0, 650.0) };
+
+    #[test]
+    fn fit_shows_the_whole_picture_in_the_middle() {
+        let map = ZoomState::default().map(PANE, [640, 480]);
+        assert!(PANE.contains_rect(map.picture_rect()));
+        assert_eq!(map.picture_rect().center(), PANE.center());
+    }
+
+    #[test]
+    fn screen_and_picture_positions_are_inverse() {
+        let zoom = ZoomState { scale: Some(3.7), centre_px: DVec2::new(100.0, 80.0) };
+        let map = zoom.map(PANE, [640, 480]);
+        let at = DVec2::new(12.5, 300.25);
+        assert!((map.to_px(map.to_screen(at)) - at).length() < 1e-4);
+    }
+
+    #[test]
+    fn zoom_keeps_what_is_under_the_pointer() {
+        let mut zoom = ZoomState::default();
+        let before = zoom.map(PANE, [640, 480]);
+        let at = Pos2::new(300.0, 400.0);
+        zoom.zoom_at(&before, at, 2.5);
+        let after = zoom.map(PANE, [640, 480]);
+        assert!((before.to_px(at) - after.to_px(at)).length() < 1e-4);
+        assert!((after.scale / before.scale - 2.5).abs() < 1e-4);
+    }
+
+    #[test]
+    fn panning_moves_with_the_pointer() {
+        let mut zoom = ZoomState { scale: Some(2.0), centre_px: DVec2::new(320.0, 240.0) };
+        let map = zoom.map(PANE, [640, 480]);
+        zoom.pan(&map, Vec2::new(30.0, -10.0));
+        let moved = zoom.map(PANE, [640, 480]).to_screen(DVec2::new(320.0, 240.0));
+        assert_eq!(moved, PANE.center() + Vec2::new(30.0, -10.0));
+    }
+}

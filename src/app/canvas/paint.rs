@@ -1,0 +1,97 @@
+use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke as Line, TextureId, Vec2};
+use glam::DVec2;
+
+use super::draft::{Stroke, Tool};
+use super::map::CanvasMap;
+use crate::app::{Look, ViewState};
+use crate::masks::{LabelId, Prompt};
+
+const UV: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
+
+/// A picture or mask texture in its place.
+pub(super) fn texture(painter: &Painter, map: &CanvasMap, id: TextureId) {
+    painter.image(id, map.picture_rect(), UV, Color32::WHITE);
+}
+
+/// Prompts of all labels, those of the chosen one larger; box, stroke and polygon in hand.
+pub(super) fn prompts_and_draft(
+    painter: &Painter,
+    map: &CanvasMap,
+    look: &Look<'_>,
+    view: &ViewState,
+    pointer: Option<Pos2>,
+) {
+    for label in look.project.labels.iter().filter(|label| !view.hidden.contains(&label.id)) {
+        let prompt = view.draft.prompt(look.project, view.frame, label.id);
+        prompt_marks(painter, map, &prompt, color_of(look, label.id), view.label == Some(label.id));
+    }
+    let color = view.label.map_or(Color32::WHITE, |label| color_of(look, label));
+    for stroke in view.draft.strokes(view.frame) {
+        brush_stroke(painter, map, stroke, color_of(look, stroke.label), view.prefs.opacity);
+    }
+    if let (Some(from), Some(to)) = (view.draft.box_from, pointer) {
+        outlined_rect(painter, Rect::from_two_pos(map.to_screen(from), to), color);
+    }
+    polygon(painter, map, &view.draft.polygon, pointer, color);
+}
+
+/// The brush as a circle around the pointer.
+pub(super) fn brush_circle(painter: &Painter, map: &CanvasMap, view: &ViewState, pointer: Pos2) {
+    if matches!(view.tool, Tool::Brush | Tool::Eraser) {
+        let radius = view.prefs.brush_px as f32 * map.scale;
+        painter.circle_stroke(pointer, radius + 0.5, Line::new(1.5, Color32::from_black_alpha(160)));
+        painter.circle_stroke(pointer, radius, Line::new(1.0, Color32::WHITE));
+    }
+}
+
+fn color_of(look: &Look<'_>, label: LabelId) -> Color32 {
+    let [r, g, b] = look.project.labels.get(label).map_or([230; 3], |label| label.color);
+    Color32::from_rgb(r, g, b)
+}
+
+fn prompt_marks(painter: &Painter, map: &CanvasMap, prompt: &Prompt, color: Color32, chosen: bool) {
+    let radius = if chosen { 6.0 } else { 4.0 };
+    for px_box in &prompt.boxes {
+        let rect = Rect::from_two_pos(map.to_screen(px_box.min_px), map.to_screen(px_box.max_px));
+        outlined_rect(painter, rect, color);
+    }
+    for click in &prompt.clicks {
+        let at = map.to_screen(click.at_px);
+        painter.circle(at, radius, color, Line::new(1.5, Color32::WHITE));
+        painter.circle_stroke(at, radius + 1.2, Line::new(1.0, Color32::from_black_alpha(170)));
+        let arm = radius * 0.55;
+        let sign = Line::new(1.6, Color32::WHITE);
+        painter.line_segment([at - Vec2::X * arm, at + Vec2::X * arm], sign);
+        if click.include {
+            painter.line_segment([at - Vec2::Y * arm, at + Vec2::Y * arm], sign);
+        }
+    }
+}
+
+fn outlined_rect(painter: &Painter, rect: Rect, color: Color32) {
+    painter.rect_stroke(rect, 0.0, Line::new(3.0, Color32::from_black_alpha(140)), egui::StrokeKind::Middle);
+    painter.rect_stroke(rect, 0.0, Line::new(1.5, color), egui::StrokeKind::Middle);
+}
+
+fn brush_stroke(painter: &Painter, map: &CanvasMap, stroke: &Stroke, color: Color32, opacity: f32) {
+    let radius = stroke.radius_px as f32 * map.scale;
+    let fill = if stroke.erase { Color32::from_gray(30) } else { color }.gamma_multiply(opacity.max(0.35));
+    let points: Vec<Pos2> = stroke.points_px.iter().map(|&at| map.to_screen(at)).collect();
+    if let [only] = points[..] {
+        painter.circle_filled(only, radius, fill);
+    } else {
+        painter.add(Shape::line(points, Line::new(radius * 2.0, fill)));
+    }
+}
+
+fn polygon(painter: &Painter, map: &CanvasMap, corners: &[DVec2], pointer: Option<Pos2>, color: Color32) {
+    let mut points: Vec<Pos2> = corners.iter().map(|&at| map.to_screen(at)).collect();
+    for (index, &at) in points.iter().enumerate() {
+        painter.circle(at, if index == 0 { 5.0 } else { 3.0 }, color, Line::new(1.0, Color32::WHITE));
+    }
+    points.extend(pointer.filter(|_| !corners.is_empty()));
+    if points.len() > 1 {
+        painter.add(Shape::line(points.clone(), Line::new(3.0, Color32::from_black_alpha(140))));
+        painter.add(Shape::line(points, Line::new(1.5, color)));
+    }
+}

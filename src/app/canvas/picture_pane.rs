@@ -1,0 +1,73 @@
+use egui::{Role, Sense, Ui, WidgetInfo};
+
+use super::input::canvas_input;
+use super::map::CanvasMap;
+use super::{paint, toolbar::toolbar_ui};
+use crate::app::textures::Textures;
+use crate::app::{Action, Look, ViewState};
+use crate::session::Command;
+use crate::view::OverlayStyle;
+
+/// The picture of the shown frame with its tool bar.
+pub(in crate::app) fn picture_pane_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    textures: &mut Textures,
+    out: &mut Vec<Command>,
+    wishes: &mut Vec<Action>,
+) {
+    let Some(frame) = look.project.frames.get(view.frame) else { return };
+    let size_px = [frame.width.max(1), frame.height.max(1)];
+    view.picture_middle_px = glam::DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])) / 2.0;
+    let zoom_percent = view.zoom.map(ui.available_rect_before_wrap(), size_px).scale * ui.pixels_per_point() * 100.0;
+    egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 4)).show(ui, |ui| {
+        toolbar_ui(ui, view, zoom_percent, wishes);
+    });
+    let (pane, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
+    let name = format!("Picture {}", frame.name);
+    response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), &name));
+    let map = view.zoom.map(pane, size_px);
+    canvas_input(ui, &response, &map, look, view, out);
+    let map = view.zoom.map(pane, size_px);
+    view.pointer_px = response.hover_pos().and_then(|at| map.inside(map.to_px(at)));
+    if view.pointer_px.is_some() && !ui.input(|i| i.key_down(egui::Key::Space)) {
+        ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair);
+    }
+    draw(ui, look, view, textures, &map);
+}
+
+fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map: &CanvasMap) {
+    let painter = ui.painter_at(map.pane);
+    painter.rect_filled(map.pane, 0.0, ui.visuals().extreme_bg_color);
+    match look.pictures.and_then(|pictures| pictures.picture(view.frame)) {
+        Some(image) => paint::texture(&painter, map, textures.picture(ui.ctx(), &image).id()),
+        None => placeholder(ui, look, view, map),
+    }
+    if view.masks_shown
+        && let Some(mask) = look.project.masks.get(&view.frame)
+    {
+        let prefs = &view.prefs;
+        let style = OverlayStyle { opacity: prefs.opacity, outlines: prefs.outlines, hidden: view.hidden.clone() };
+        let texture = textures.mask(ui.ctx(), &mask.runs, &look.project.labels, &style);
+        paint::texture(&painter, map, texture.id());
+    }
+    let pointer = view.pointer_px.map(|at| map.to_screen(at));
+    paint::prompts_and_draft(&painter, map, look, view, pointer);
+    if let Some(at) = pointer {
+        paint::brush_circle(&painter, map, view, at);
+    }
+}
+
+/// What stands in the picture's place while it loads, or when it cannot be loaded.
+fn placeholder(ui: &Ui, look: &Look<'_>, view: &ViewState, map: &CanvasMap) {
+    let painter = ui.painter_at(map.pane);
+    painter.rect_filled(map.picture_rect(), 0.0, ui.visuals().faint_bg_color);
+    let failure = look.pictures.and_then(|pictures| pictures.failure(view.frame));
+    let (text, color) = match failure {
+        Some(failure) => (failure, ui.visuals().error_fg_color),
+        None => ("Loading…".into(), ui.visuals().weak_text_color()),
+    };
+    let galley = painter.layout(text, egui::FontId::proportional(14.0), color, (map.pane.width() - 40.0).max(50.0));
+    painter.galley(map.pane.center() - galley.size() / 2.0, galley, color);
+}

@@ -1,0 +1,118 @@
+use glam::DVec2;
+
+use crate::app::{Look, ViewState};
+use crate::masks::{Click, LabelId, Prompt, PxBox, RunMask};
+use crate::session::{Command, PaintRequest, PromptRequest};
+
+use super::draft::Stroke;
+
+/// Adds a click for the chosen label.
+pub(in crate::app) fn click_at(
+    look: &Look<'_>,
+    view: &mut ViewState,
+    at_px: DVec2,
+    include: bool,
+    out: &mut Vec<Command>,
+) {
+    add(look, view, out, |prompt| prompt.clicks.push(Click { at_px, include }));
+}
+
+/// Adds a box for the chosen label.
+pub(super) fn box_of(look: &Look<'_>, view: &mut ViewState, corners: [DVec2; 2], out: &mut Vec<Command>) {
+    let [a, b] = corners;
+    add(look, view, out, |prompt| prompt.boxes.push(PxBox { min_px: a.min(b), max_px: a.max(b) }));
+}
+
+/// Takes the chosen label's prompt and pixels off the shown frame.
+pub(in crate::app) fn clear_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    if let Some(label) = view.label.filter(|&label| look.project.labels.get(label).is_some()) {
+        send(view, label, Prompt::default(), out);
+    }
+}
+
+/// Paints a finished stroke.
+pub(super) fn paint(look: &Look<'_>, view: &mut ViewState, stroke: Stroke, out: &mut Vec<Command>) {
+    out.push(Command::Paint(PaintRequest {
+        frame: stroke.frame,
+        label: stroke.label,
+        points_px: stroke.points_px.clone(),
+        radius_px: stroke.radius_px,
+        erase: stroke.erase,
+        replace: true,
+    }));
+    view.draft.sent_stroke(stroke, look.project);
+}
+
+/// Fills the polygon drawn so far; fewer than three different corners are dropped.
+pub(super) fn fill_polygon(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    let mut points_px = std::mem::take(&mut view.draft.polygon);
+    points_px.dedup_by(|a, b| a.distance(*b) < 0.5);
+    if points_px.len() < 3 {
+        return;
+    }
+    let Some(label) = chosen_label(look, view, out) else { return };
+    out.push(Command::Paint(PaintRequest {
+        frame: view.frame,
+        label,
+        points_px,
+        radius_px: 0.0,
+        erase: false,
+        replace: true,
+    }));
+}
+
+/// The label in hand; the first click of all makes one.
+pub(super) fn chosen_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) -> Option<LabelId> {
+    let known = |label: &LabelId| look.project.labels.get(*label).is_some();
+    if let Some(label) = view.label.filter(known) {
+        return Some(label);
+    }
+    if look.project.labels.iter().next().is_some() {
+        return None;
+    }
+    let label = look.project.labels.next_id();
+    out.push(Command::AddLabel { name: format!("object {}", label.0), parent: None, color: None });
+    view.label = Some(label);
+    Some(label)
+}
+
+/// The label at a picture position.
+pub(in crate::app) fn id_at(mask: &RunMask, at_px: DVec2) -> LabelId {
+    if at_px.x < 0.0 || at_px.y < 0.0 || at_px.x >= f64::from(mask.width) || at_px.y >= f64::from(mask.height) {
+        return LabelId::NONE;
+    }
+    let mut left = at_px.y as u64 * u64::from(mask.width) + at_px.x as u64;
+    for &(id, length) in &mask.runs {
+        if left < u64::from(length) {
+            return id;
+        }
+        left -= u64::from(length);
+    }
+    LabelId::NONE
+}
+
+fn add(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>, change: impl FnOnce(&mut Prompt)) {
+    let Some(label) = chosen_label(look, view, out) else { return };
+    let mut prompt = view.draft.prompt(look.project, view.frame, label);
+    change(&mut prompt);
+    send(view, label, prompt, out);
+}
+
+fn send(view: &mut ViewState, label: LabelId, prompt: Prompt, out: &mut Vec<Command>) {
+    view.draft.sent(view.frame, label, prompt.clone());
+    let segmenter = view.segmenter.clone();
+    out.push(Command::Prompt(PromptRequest { frame: view.frame, label, prompt, segmenter }));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn id_at_walks_the_runs() {
+        let mask = RunMask { width: 4, height: 2, runs: vec![(LabelId(0), 3), (LabelId(7), 3), (LabelId(2), 2)] };
+        assert_eq!(id_at(&mask, DVec2::new(3.9, 0.5)), LabelId(7));
+        assert_eq!(id_at(&mask, DVec2::new(2.0, 1.0)), LabelId(2));
+        assert_eq!(id_at(&mask, DVec2::new(4.0, 0.0)), LabelId::NONE);
+    }
+}

@@ -1,0 +1,54 @@
+use egui::{Slider, Ui};
+
+use super::draft::Tool;
+use crate::app::tips::action_button;
+use crate::app::{Action, ViewState};
+
+/// Tools, zoom and the look of the masks, in one row above the picture.
+pub(super) fn toolbar_ui(ui: &mut Ui, view: &mut ViewState, zoom_percent: f32, wishes: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        tools_ui(ui, view);
+        ui.separator();
+        zoom_ui(ui, view, zoom_percent, wishes);
+        ui.separator();
+        mask_look_ui(ui, view);
+    });
+}
+
+fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
+    for tool in Tool::ALL {
+        let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::UseTool(tool));
+        if ui.selectable_label(view.tool == tool, tool.text()).on_hover_text(tip).clicked() {
+            view.tool = tool;
+            view.draft.drop_half_made();
+        }
+    }
+    if matches!(view.tool, Tool::Brush | Tool::Eraser) {
+        let size =
+            egui::DragValue::new(&mut view.prefs.brush_px).range(0.5..=500.0).speed(0.2).suffix(" px").max_decimals(1);
+        ui.add(size)
+            .on_hover_text("Radius of the brush (Shift+wheel over the picture)")
+            .accessible_name("Brush radius");
+    }
+}
+
+fn zoom_ui(ui: &mut Ui, view: &ViewState, zoom_percent: f32, wishes: &mut Vec<Action>) {
+    for (action, text) in [(Action::Fit, "Fit"), (Action::ActualSize, "100 %")] {
+        if action_button(ui, &view.prefs.shortcuts, action, text, true).clicked() {
+            wishes.push(action);
+        }
+    }
+    let text = egui::RichText::new(format!("{zoom_percent:.0} %")).weak();
+    ui.add_sized([44.0, 18.0], egui::Label::new(text))
+        .on_hover_text("Zoom: wheel over the picture; middle drag or Space+drag moves it");
+}
+
+fn mask_look_ui(ui: &mut Ui, view: &mut ViewState) {
+    let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleMasks);
+    ui.checkbox(&mut view.masks_shown, "Masks").on_hover_text(tip);
+    let slider = Slider::new(&mut view.prefs.opacity, 0.0..=1.0).show_value(false);
+    ui.spacing_mut().slider_width = 70.0;
+    ui.add_enabled(view.masks_shown, slider).on_hover_text("Opacity of the masks").accessible_name("Mask opacity");
+    let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleOutlines);
+    ui.add_enabled(view.masks_shown, egui::Checkbox::new(&mut view.prefs.outlines, "Outlines")).on_hover_text(tip);
+}

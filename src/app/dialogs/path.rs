@@ -1,0 +1,61 @@
+use egui::{Key, Modal, Ui};
+
+use super::picker::{Pick, PickTarget, path_field_ui};
+use crate::app::ViewState;
+use crate::app::view_state::{PathWish, typed_path};
+use crate::session::Command;
+
+struct Texts {
+    heading: &'static str,
+    field: &'static str,
+    hint: &'static str,
+    verb: &'static str,
+    pick: Pick,
+}
+
+/// A dialog that asks for one path.
+pub(in crate::app) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut Vec<Command>) {
+    let texts = texts(wish);
+    let mut done = false;
+    let response = Modal::new(egui::Id::unique("path")).show(ui.ctx(), |ui| {
+        ui.set_width(480.0);
+        ui.heading(texts.heading);
+        ui.add_space(8.0);
+        ui.horizontal(|ui| {
+            let (name, target) = ((texts.field, texts.hint), (texts.pick, PickTarget::Path(wish)));
+            let edit = path_field_ui(ui, &mut view.picker, name, &mut view.path_text, target);
+            done = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
+        });
+        ui.add_space(12.0);
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
+            let typed = !view.path_text.trim().is_empty();
+            done |= ui.add_enabled(typed, egui::Button::new(texts.verb)).on_hover_text(texts.heading).clicked();
+            if ui.button("Cancel").on_hover_text("Closes the dialog (Esc)").clicked() {
+                view.dialog = None;
+            }
+        });
+    });
+    if done && let Some(path) = typed_path(&view.path_text) {
+        match wish {
+            PathWish::OpenProject => out.push(Command::Open(path)),
+            PathWish::InspectPly => out.push(Command::Inspect(path)),
+            PathWish::ImportMasks => out.push(Command::ImportMasks { dir: path, format: "davis".into() }),
+            PathWish::SaveRecipe => view.recipe_to = Some(path),
+        }
+    }
+    if done || response.should_close() {
+        view.dialog = None;
+    }
+}
+
+fn texts(wish: PathWish) -> Texts {
+    let (heading, field, hint, verb, pick) = match wish {
+        PathWish::OpenProject => ("Open project", "Project folder", "folder with a project.toml", "Open", Pick::Folder),
+        PathWish::InspectPly => ("Inspect PLY", "PLY file", "labelled point cloud (.ply)", "Open", Pick::File),
+        PathWish::ImportMasks => {
+            ("Import masks", "Masks folder", "folder of palette PNGs, one a frame", "Import", Pick::Folder)
+        }
+        PathWish::SaveRecipe => ("Save history as recipe", "Recipe file", "file to write (.json)", "Save", Pick::Save),
+    };
+    Texts { heading, field, hint, verb, pick }
+}

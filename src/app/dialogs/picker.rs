@@ -1,0 +1,114 @@
+use std::future::Future;
+use std::path::PathBuf;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Poll, Wake, Waker};
+
+use egui::{Context, TextEdit, Ui};
+
+use crate::app::ViewState;
+use crate::app::view_state::PathWish;
+
+/// The system's file chooser, asked without waiting: the window goes on, and the path is taken when it comes. Where the
+/// system has none, paths are typed.
+#[derive(Default)]
+pub struct PathPicker {
+    asked: Option<(PickTarget, Answer)>,
+}
+
+type Answer = Pin<Box<dyn Future<Output = Option<PathBuf>>>>;
+
+/// Which field a chosen path is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::app) enum PickTarget {
+    /// Frames of the n-th source.
+    Frames(usize),
+    /// Depths of the n-th source.
+    Depth(usize),
+    /// Cameras of a new project.
+    Cameras,
+    /// Folder of a new project.
+    Root,
+    /// Folder to export into.
+    ExportInto,
+    /// The path of a dialog with nothing but a path.
+    Path(PathWish),
+}
+
+/// What the chooser offers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pick {
+    /// A folder.
+    Folder,
+    /// A file that exists.
+    File,
+    /// A file to be written.
+    Save,
+}
+
+impl PathPicker {
+    /// Opens the chooser; one that is already open is forgotten.
+    fn ask(&mut self, pick: Pick, target: PickTarget) {
+        let dialog = rfd::AsyncFileDialog::new();
+        let answer: Answer = match pick {
+            Pick::Folder => Box::pin(async { dialog.pick_folder().await.map(|file| file.path().to_owned()) }),
+            Pick::File => Box::pin(async { dialog.pick_file().await.map(|file| file.path().to_owned()) }),
+            Pick::Save => Box::pin(async { dialog.save_file().await.map(|file| file.path().to_owned()) }),
+        };
+        self.asked = Some((target, answer));
+    }
+
+    /// The path chosen, once; the window is painted anew when the answer comes.
+    fn poll(&mut self, ctx: &Context) -> Option<(PickTarget, PathBuf)> {
+        let (target, answer) = self.asked.as_mut()?;
+        let target = *target;
+        let waker = Waker::from(Arc::new(Repaint(ctx.clone())));
+        match answer.as_mut().poll(&mut std::task::Context::from_waker(&waker)) {
+            Poll::Pending => None,
+            Poll::Ready(path) => {
+                self.asked = None;
+                path.map(|path| (target, path))
+            }
+        }
+    }
+}
+
+/// Wakes the window.
+struct Repaint(Context);
+
+impl Wake for Repaint {
+    fn wake(self: Arc<Self>) {
+        self.0.request_repaint();
+    }
+}
+
+/// Puts a chosen path where it was asked for.
+pub(in crate::app) fn take_picked(ctx: &Context, view: &mut ViewState) {
+    let Some((target, path)) = view.picker.poll(ctx) else { return };
+    let text = path.display().to_string();
+    match target {
+        PickTarget::Frames(index) => view.new_project.set_frames(index, text),
+        PickTarget::Depth(index) => view.new_project.set_depth(index, text),
+        PickTarget::Cameras => view.new_project.cameras = text,
+        PickTarget::Root => view.new_project.root = text,
+        PickTarget::ExportInto => view.export.into = text,
+        PickTarget::Path(_) => view.path_text = text,
+    }
+}
+
+/// A path to type, with a button for the system's chooser.
+pub(super) fn path_field_ui(
+    ui: &mut Ui,
+    picker: &mut PathPicker,
+    (name, hint): (&str, &str),
+    text: &mut String,
+    (pick, target): (Pick, PickTarget),
+) -> egui::Response {
+    let edit = TextEdit::singleline(text).hint_text(hint).desired_width(360.0);
+    let edit = ui.add(edit).accessible_name(name);
+    let browse = ui.button("Browse…").on_hover_text("Opens the system's file chooser");
+    if browse.accessible_name(format!("Browse {name}")).clicked() {
+        picker.ask(pick, target);
+    }
+    edit
+}

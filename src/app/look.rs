@@ -1,0 +1,54 @@
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::scene::LabelledCloud;
+use crate::session::{Engine, EngineKind, JobView, Pictures, Project};
+
+/// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
+#[derive(Clone, Copy)]
+pub struct Look<'a> {
+    /// The open project; empty when none is open.
+    pub project: &'a Project,
+    /// Its folder; `None` when none is open.
+    pub root: Option<&'a Path>,
+    /// The labelled cloud: the project's, or the PLY that is inspected.
+    pub cloud: Option<&'a Arc<LabelledCloud>>,
+    /// The PLY that is inspected alone.
+    pub inspected: Option<&'a Path>,
+    /// Pictures and thumbnails.
+    pub pictures: Option<&'a Pictures>,
+    /// What is running, oldest first.
+    pub jobs: &'a [JobView],
+    /// Segmenters, trackers and the rest, installed or not.
+    pub engines: &'a [Engine],
+    /// What undo would take back.
+    pub undo: Option<&'a str>,
+    /// What redo would do again.
+    pub redo: Option<&'a str>,
+    /// Projects opened before, latest first.
+    pub recent: &'a [PathBuf],
+}
+
+impl Look<'_> {
+    /// Whether there is a project with frames.
+    #[must_use]
+    pub fn has_frames(&self) -> bool {
+        !self.project.frames.is_empty()
+    }
+
+    /// The job of this title, where one runs.
+    #[must_use]
+    pub fn running(&self, title: &str) -> Option<&JobView> {
+        self.jobs.iter().find(|job| job.title == title)
+    }
+
+    /// The jobs that run long enough to be worth showing.
+    pub fn slow_jobs(&self) -> impl Iterator<Item = &JobView> {
+        self.jobs.iter().filter(|job| job.elapsed.as_millis() > 400)
+    }
+
+    /// The engines of one kind.
+    pub fn engines_of(&self, kind: EngineKind) -> impl Iterator<Item = &Engine> {
+        self.engines.iter().filter(move |engine| engine.kind == kind)
+    }
+}

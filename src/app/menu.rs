@@ -1,0 +1,113 @@
+use egui::{Button, MenuBar, Ui};
+
+use super::tips::action_button;
+use super::{Action, Look, MenuName, ViewState};
+use crate::session::Command;
+
+/// The menu bar, made from the list of actions, with undo and redo at its end.
+pub(super) fn menu_bar_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &ViewState,
+    out: &mut Vec<Command>,
+    wishes: &mut Vec<Action>,
+) {
+    MenuBar::new().ui(ui, |ui| {
+        for menu in MenuName::ALL {
+            ui.menu_button(menu.text(), |ui| menu_ui(ui, menu, look, view, out, wishes));
+        }
+        ui.separator();
+        undo_redo_ui(ui, look, view, wishes);
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let icon = if ui.visuals().dark_mode { "☀" } else { "🌙" };
+            let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleTheme);
+            if ui.button(icon).on_hover_text(tip).accessible_name("Dark or light").clicked() {
+                wishes.push(Action::ToggleTheme);
+            }
+            ui.weak(title(look));
+        });
+    });
+}
+
+/// The name of what is open.
+pub(super) fn title(look: &Look<'_>) -> String {
+    let open = look.root.or(look.inspected).and_then(|path| path.file_name());
+    open.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// Whether an action can be done now.
+pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> bool {
+    use Action as A;
+    match action {
+        A::AddFrames | A::ImportMasks | A::SaveRecipe => look.root.is_some(),
+        A::Close => look.root.is_some() || look.inspected.is_some(),
+        A::Export => look.root.is_some() || look.cloud.is_some(),
+        A::Stop => !look.jobs.is_empty(),
+        A::Undo => look.undo.is_some(),
+        A::Redo => look.redo.is_some(),
+        A::AddLabel => look.root.is_some(),
+        A::MakeAnchor | A::ClearFrame => look.project.masks.contains_key(&view.frame),
+        A::IncludeHere | A::ExcludeHere => view.pointer_px.is_some(),
+        A::ClearLabelHere => view.label.is_some() && look.has_frames(),
+        A::Track | A::TrackForward | A::TrackBackward => !look.project.masks.is_empty(),
+        A::Fuse | A::LookThrough => look.project.frames.iter().any(|frame| frame.posed_camera().is_some()),
+        A::Reconstruct | A::Fit | A::ActualSize | A::NextDoubtful => look.has_frames(),
+        A::PreviousFrame | A::NextFrame | A::Back10 | A::Forward10 | A::FirstFrame | A::LastFrame => look.has_frames(),
+        _ => true,
+    }
+}
+
+/// The text of an action now: undo and redo name the step.
+pub(super) fn text_now(action: Action, look: &Look<'_>) -> String {
+    let step = match action {
+        Action::Undo => look.undo,
+        Action::Redo => look.redo,
+        _ => None,
+    };
+    step.map_or_else(|| action.text(), |step| format!("{} {step}", action.text()))
+}
+
+fn menu_ui(
+    ui: &mut Ui,
+    menu: MenuName,
+    look: &Look<'_>,
+    view: &ViewState,
+    out: &mut Vec<Command>,
+    wishes: &mut Vec<Action>,
+) {
+    ui.set_min_width(220.0);
+    for action in Action::all().filter(|action| action.menu() == Some(menu)) {
+        if action.starts_group() {
+            ui.separator();
+        }
+        let keys = view.prefs.shortcuts.text(ui.ctx(), action);
+        let button = Button::new(text_now(action, look)).shortcut_text(keys);
+        if ui.add_enabled(is_possible(action, look, view), button).on_hover_text(action.tip()).clicked() {
+            wishes.push(action);
+        }
+        if action == Action::Open {
+            recent_ui(ui, look, out);
+        }
+    }
+}
+
+fn recent_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>) {
+    ui.add_enabled_ui(!look.recent.is_empty(), |ui| {
+        ui.menu_button("Open recent", |ui| {
+            for path in look.recent.iter().take(10) {
+                if ui.button(path.display().to_string()).on_hover_text("Opens this project").clicked() {
+                    out.push(Command::Open(path.clone()));
+                }
+            }
+        });
+    });
+}
+
+fn undo_redo_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
+    for (action, icon) in [(Action::Undo, "⟲"), (Action::Redo, "⟳")] {
+        let response = action_button(ui, &view.prefs.shortcuts, action, icon, is_possible(action, look, view));
+        if response.on_hover_text(text_now(action, look)).accessible_name(action.text()).clicked() {
+            wishes.push(action);
+        }
+    }
+}

@@ -1,0 +1,60 @@
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use egui::{RichText, Ui};
+
+use super::fuse::grouped;
+use super::labels::{eye_ui, listed};
+use crate::app::tips::section_heading;
+use crate::app::{Look, ViewState};
+use crate::masks::LabelId;
+use crate::scene::LabelledCloud;
+
+/// Points per label, counted once for each cloud.
+#[derive(Default)]
+pub struct PointCounts {
+    cloud: Option<Arc<LabelledCloud>>,
+    counts: BTreeMap<LabelId, usize>,
+}
+
+impl PointCounts {
+    fn of(&mut self, cloud: &Arc<LabelledCloud>) -> &BTreeMap<LabelId, usize> {
+        if !self.cloud.as_ref().is_some_and(|counted| Arc::ptr_eq(counted, cloud)) {
+            self.counts.clear();
+            for label in &cloud.labels {
+                *self.counts.entry(*label).or_default() += 1;
+            }
+            self.cloud = Some(Arc::clone(cloud));
+        }
+        &self.counts
+    }
+}
+
+/// The labels of a cloud that is inspected alone: how many points each has, shown or not.
+pub(in crate::app) fn cloud_labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+    section_heading(ui, "Labels");
+    let Some(cloud) = look.cloud else { return };
+    let counts = view.point_counts.of(cloud).clone();
+    let rows = listed(&cloud.tree);
+    if rows.is_empty() {
+        ui.weak("The file names no labels");
+    }
+    egui::ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+        for (label, depth) in &rows {
+            ui.horizontal(|ui| {
+                ui.add_space(*depth as f32 * 14.0);
+                let (rect, _) = ui.allocate_exact_size(egui::vec2(12.0, 12.0), egui::Sense::hover());
+                let [r, g, b] = label.color;
+                ui.painter().rect_filled(rect, 3.0, egui::Color32::from_rgb(r, g, b));
+                ui.add(egui::Label::new(&label.name).truncate());
+                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                    eye_ui(ui, view, label);
+                    let points = counts.get(&label.id).copied().unwrap_or(0);
+                    ui.label(RichText::new(grouped(points)).weak().small()).on_hover_text("Points with this label");
+                });
+            });
+        }
+        let unlabelled = counts.get(&LabelId::NONE).copied().unwrap_or(0);
+        ui.weak(format!("{} points without a label", grouped(unlabelled)));
+    });
+}

@@ -1,0 +1,102 @@
+use egui::{Key, TextEdit, Ui};
+
+use super::labels::listed;
+use crate::app::{Look, ViewState};
+use crate::masks::{Label, LabelId};
+use crate::session::Command;
+
+/// What is being typed in the label list.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LabelEditing {
+    renaming: Option<(LabelId, String)>,
+    focus: bool,
+    new_name: String,
+    parent: Option<LabelId>,
+}
+
+impl LabelEditing {
+    /// Begins to rename a label.
+    pub fn rename(&mut self, label: LabelId, name: &str) {
+        self.renaming = Some((label, name.into()));
+        self.focus = true;
+    }
+}
+
+/// The row for a new label below the list.
+pub(super) fn new_label_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    let parent = view.labels.parent.and_then(|id| look.project.labels.get(id));
+    let hint = parent.map_or("New label".into(), |parent| format!("New label under {}", parent.name));
+    let parent = parent.map(|parent| parent.name.clone());
+    ui.horizontal(|ui| {
+        let add_width = 46.0;
+        let width = ui.available_width() - add_width - ui.spacing().item_spacing.x;
+        let edit = TextEdit::singleline(&mut view.labels.new_name).hint_text(&hint).desired_width(width);
+        let edit = ui.add(edit).on_hover_text("Name of a new label; Enter adds it").accessible_name("New label name");
+        let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
+        let typed = !view.labels.new_name.trim().is_empty();
+        let add =
+            ui.add_enabled(typed, egui::Button::new("Add")).on_hover_text("Adds the label and chooses it (Enter)");
+        if typed && (entered || add.clicked()) {
+            let name = std::mem::take(&mut view.labels.new_name).trim().to_owned();
+            view.label = Some(look.project.labels.next_id());
+            view.labels.parent = None;
+            out.push(Command::AddLabel { name, parent, color: None });
+        }
+    });
+}
+
+/// The name as an edit field while it is being renamed; `false` when it is not.
+pub(super) fn rename_ui(ui: &mut Ui, view: &mut ViewState, out: &mut Vec<Command>, label: &Label) -> bool {
+    let Some((id, text)) = &mut view.labels.renaming else { return false };
+    if *id != label.id {
+        return false;
+    }
+    let edit = ui.add(TextEdit::singleline(text).desired_width(f32::INFINITY));
+    let edit = edit.accessible_name(format!("New name of {}", label.name));
+    if std::mem::take(&mut view.labels.focus) {
+        edit.request_focus();
+    } else if edit.lost_focus() {
+        let name = text.trim().to_owned();
+        let given_up = ui.input(|i| i.key_pressed(Key::Escape));
+        if !given_up && !name.is_empty() && name != label.name {
+            out.push(Command::EditLabel(Label { name, ..label.clone() }));
+        }
+        view.labels.renaming = None;
+    }
+    true
+}
+
+/// Everything that can be done with a label.
+pub(super) fn label_menu_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>, label: &Label) {
+    if ui.button("Rename").on_hover_text("Gives the label another name (double click)").clicked() {
+        view.labels.rename(label.id, &label.name);
+    }
+    if ui.button("Add label below it").on_hover_text("The next new label becomes a part of this one").clicked() {
+        view.labels.parent = Some(label.id);
+    }
+    ui.menu_button("Move under", |ui| move_ui(ui, look, out, label))
+        .response
+        .on_hover_text("Makes it a part of another label");
+    ui.separator();
+    let has_children = look.project.labels.iter().any(|other| other.parent == Some(label.id));
+    let remove = ui.add_enabled(!has_children, egui::Button::new("Remove"));
+    let remove =
+        remove.on_hover_text("Removes the label with its clicks; its pixels become unlabelled (can be undone)");
+    if remove.on_disabled_hover_text("Remove or move the labels below it first").clicked() {
+        out.push(Command::RemoveLabel(label.id));
+    }
+}
+
+fn move_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, label: &Label) {
+    let tree = &look.project.labels;
+    if ui.add_enabled(label.parent.is_some(), egui::Button::new("Top level")).clicked() {
+        out.push(Command::EditLabel(Label { parent: None, ..label.clone() }));
+    }
+    for (other, _) in listed(tree) {
+        let allowed =
+            other.id != label.id && Some(other.id) != label.parent && !tree.path(other.id).contains(&label.id);
+        if allowed && ui.button(&other.name).clicked() {
+            out.push(Command::EditLabel(Label { parent: Some(other.id), ..label.clone() }));
+        }
+    }
+}

@@ -1,0 +1,192 @@
+use egui::{Color32, Response, RichText, Role, Sense, Ui, WidgetInfo};
+
+use super::label_edit::{label_menu_ui, new_label_ui, rename_ui};
+use crate::app::tips::{icon_button, section_heading};
+use crate::app::{Look, ViewState};
+use crate::masks::{Label, LabelId, LabelTree};
+use crate::session::Command;
+
+/// The tree of labels: choose, show and hide, rename, recolour, move, add and remove.
+pub(in crate::app) fn labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    ui.horizontal(|ui| {
+        section_heading(ui, "Labels");
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| show_all_ui(ui, look, view));
+    });
+    let rows = listed(&look.project.labels);
+    if rows.is_empty() {
+        ui.label(
+            RichText::new("No labels yet. Add one for each object, or simply click on an object in the picture.")
+                .weak(),
+        );
+    }
+    for (number, (label, depth)) in rows.iter().enumerate() {
+        label_row_ui(ui, look, view, out, label, number, *depth);
+    }
+    ui.add_space(2.0);
+    new_label_ui(ui, look, view, out);
+}
+
+/// All labels with their depth (0 = top), each followed by those below it: the order of the list and of the keys 1–9.
+pub(in crate::app) fn listed(tree: &LabelTree) -> Vec<(Label, usize)> {
+    let mut rows = Vec::new();
+    push_children(tree, None, 0, &mut rows);
+    rows
+}
+
+/// Makes a label with a free name, chosen at once and ready to be renamed.
+pub(in crate::app) fn add_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    let tree = &look.project.labels;
+    let id = tree.next_id();
+    let name = (id.0..).map(|n| format!("object {n}")).find(|name| tree.by_name(name).is_none());
+    let Some(name) = name else { return };
+    out.push(Command::AddLabel { name: name.clone(), parent: None, color: None });
+    view.label = Some(id);
+    view.labels.rename(id, &name);
+}
+
+fn push_children(tree: &LabelTree, parent: Option<LabelId>, depth: usize, rows: &mut Vec<(Label, usize)>) {
+    for label in tree.iter().filter(|label| label.parent == parent) {
+        rows.push((label.clone(), depth));
+        push_children(tree, Some(label.id), depth + 1, rows);
+    }
+}
+
+fn show_all_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+    if look.project.labels.iter().next().is_none() {
+        return;
+    }
+    let all_hidden = !view.hidden.is_empty();
+    let (text, tip) = if all_hidden { ("Show all", "Shows all labels") } else { ("Hide all", "Hides all labels") };
+    if ui.add(egui::Button::new(RichText::new(text).small()).frame(false)).on_hover_text(tip).clicked() {
+        view.hidden =
+            if all_hidden { Default::default() } else { look.project.labels.iter().map(|label| label.id).collect() };
+    }
+}
+
+fn label_row_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+    label: &Label,
+    number: usize,
+    depth: usize,
+) {
+    ui.push_id(label.id, |ui| {
+        ui.horizontal(|ui| {
+            ui.add_space(depth as f32 * 14.0);
+            color_ui(ui, label, out);
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                row_end_ui(ui, look, view, out, label);
+                ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                    if !rename_ui(ui, view, out, label) {
+                        name_ui(ui, look, view, out, label, number);
+                    }
+                });
+            });
+        });
+    });
+}
+
+fn color_ui(ui: &mut Ui, label: &Label, out: &mut Vec<Command>) {
+    let mut color = label.color;
+    let response = ui.color_edit_button_srgb(&mut color).on_hover_text("Changes the colour");
+    if response.accessible_name(format!("Colour of {}", label.name)).changed() {
+        out.push(Command::EditLabel(Label { color, ..label.clone() }));
+    }
+}
+
+fn name_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>, label: &Label, number: usize) {
+    let key = if number < 9 { format!("{}  ", number + 1) } else { String::new() };
+    let response = selectable_row(ui, view.label == Some(label.id), &key, &label.name);
+    let tip = if number < 9 {
+        format!("Chooses the label ({}); double click renames, right click for more", number + 1)
+    } else {
+        "Chooses the label; double click renames, right click for more".into()
+    };
+    let response = response.on_hover_text(tip);
+    if response.clicked() {
+        view.label = Some(label.id);
+    }
+    if response.double_clicked() {
+        view.labels.rename(label.id, &label.name);
+    }
+    response.context_menu(|ui| label_menu_ui(ui, look, view, out, label));
+}
+
+/// A row of the whole width left, with a weak key before the name.
+fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> Response {
+    let (rect, response) = ui.allocate_exact_size(egui::vec2(ui.available_width(), 20.0), Sense::click());
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, name));
+    let visuals = ui.style().interact_selectable(&response, selected);
+    if selected || response.hovered() || response.has_focus() {
+        ui.painter().rect_filled(rect, 3.0, visuals.weak_bg_fill);
+    }
+    let font = egui::TextStyle::Body.resolve(ui.style());
+    let painter = ui.painter().with_clip_rect(rect.shrink2(egui::vec2(4.0, 0.0)));
+    let weak = ui.visuals().weak_text_color();
+    let at = rect.left_center() + egui::vec2(5.0, 0.0);
+    let end = painter.text(at, egui::Align2::LEFT_CENTER, key, font.clone(), weak);
+    let at = egui::pos2(end.right().max(at.x), rect.center().y);
+    painter.text(at, egui::Align2::LEFT_CENTER, name, font, visuals.text_color());
+    response
+}
+
+fn row_end_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>, label: &Label) {
+    let more = ui.menu_button("⋯", |ui| label_menu_ui(ui, look, view, out, label)).response;
+    more.on_hover_text("Rename, move, remove").accessible_name(format!("More for {}", label.name));
+    eye_ui(ui, view, label);
+    let frames = view.presence.frames_with(label.id);
+    let text = RichText::new(frames.to_string()).weak().small();
+    ui.label(text).on_hover_text(format!("'{}' is on {frames} frames", label.name));
+}
+
+pub(super) fn eye_ui(ui: &mut Ui, view: &mut ViewState, label: &Label) {
+    let shown = !view.hidden.contains(&label.id);
+    let name = format!("{} {}", if shown { "Hide" } else { "Show" }, label.name);
+    let response = icon_button(ui, " ", &name, "Shows or hides the label in the picture and in 3-D");
+    eye_icon(ui, &response, shown);
+    if response.clicked() {
+        if shown {
+            view.hidden.insert(label.id);
+        } else {
+            view.hidden.remove(&label.id);
+        }
+    }
+}
+
+/// An eye drawn with lines: open, or closed with a dash.
+fn eye_icon(ui: &Ui, response: &Response, open: bool) {
+    let at = response.rect.center();
+    let visuals = ui.style().interact(response);
+    let color = if open { visuals.text_color() } else { ui.visuals().weak_text_color() };
+    let stroke = egui::Stroke::new(1.2, color);
+    let lid = |sign: f32| {
+        let points = (-6..=6).map(|k| {
+            let x = k as f32;
+            at + egui::vec2(x, sign * 3.6 * (1.0 - (x / 6.0).powi(2)))
+        });
+        egui::Shape::line(points.collect(), stroke)
+    };
+    ui.painter().add(lid(1.0));
+    if open {
+        ui.painter().add(lid(-1.0));
+        ui.painter().circle(at, 1.8, color, egui::Stroke::new(0.0, Color32::TRANSPARENT));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn list_puts_children_below_their_parents() {
+        let mut tree = LabelTree::default();
+        for (id, parent) in [(1, None), (2, None), (3, Some(1)), (4, Some(3))] {
+            let parent = parent.map(LabelId);
+            tree.set(Label { id: LabelId(id), name: format!("l{id}"), color: [0; 3], parent }).unwrap();
+        }
+        let rows: Vec<_> = listed(&tree).into_iter().map(|(label, depth)| (label.id.0, depth)).collect();
+        assert_eq!(rows, [(1, 0), (3, 1), (4, 2), (2, 0)]);
+    }
+}

@@ -1,0 +1,64 @@
+use egui::{Rect, Slider, Ui};
+
+use crate::app::tips::action_button;
+use crate::app::{Action, Look, ViewState};
+use crate::view::Coloring;
+
+const COLORINGS: [(Coloring, &str, &str); 3] = [
+    (Coloring::Rgb, "Colour", "Points in the colour of the pictures"),
+    (Coloring::Label, "Label", "Points in the colour of their label"),
+    (Coloring::Confidence, "Confidence", "How large a share of the votes each point's label won"),
+];
+
+/// What colours show, point size, frusta and where to look from.
+pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        for (coloring, text, tip) in COLORINGS {
+            ui.selectable_value(&mut view.coloring, coloring, text).on_hover_text(tip);
+        }
+        ui.separator();
+        ui.spacing_mut().slider_width = 70.0;
+        let slider = Slider::new(&mut view.prefs.point_size, 1.0..=12.0).show_value(false);
+        ui.label("Points");
+        ui.add(slider).on_hover_text("Size of the points").accessible_name("Point size");
+        let has_cameras = look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
+        if has_cameras {
+            ui.checkbox(&mut view.prefs.frusta, "Cameras")
+                .on_hover_text("Shows the cameras; click one to go to its frame");
+        }
+        ui.separator();
+        let shortcuts = &view.prefs.shortcuts;
+        if action_button(ui, shortcuts, Action::FrameCloud, "All", true).clicked() {
+            wishes.push(Action::FrameCloud);
+        }
+        if has_cameras && action_button(ui, shortcuts, Action::LookThrough, "Camera view", true).clicked() {
+            wishes.push(Action::LookThrough);
+        }
+    });
+}
+
+/// What the colours of confidence mean, at the lower left of the view.
+pub(super) fn confidence_legend(ui: &Ui, rect: Rect) {
+    let bar = Rect::from_min_size(rect.left_bottom() + egui::vec2(12.0, -34.0), egui::vec2(120.0, 8.0));
+    let stops = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
+    let mut mesh = egui::Mesh::default();
+    for (index, [r, g, b]) in stops.into_iter().enumerate() {
+        let x = bar.left() + bar.width() * index as f32 / (stops.len() - 1) as f32;
+        let color = egui::Color32::from_rgb(r, g, b);
+        mesh.colored_vertex(egui::pos2(x, bar.top()), color);
+        mesh.colored_vertex(egui::pos2(x, bar.bottom()), color);
+        if index > 0 {
+            let n = index as u32 * 2;
+            mesh.add_triangle(n - 2, n - 1, n);
+            mesh.add_triangle(n - 1, n, n + 1);
+        }
+    }
+    ui.painter().add(mesh);
+    let font = egui::FontId::proportional(11.0);
+    let color = ui.visuals().text_color();
+    for (x, align, text) in
+        [(bar.left(), egui::Align2::LEFT_TOP, "0 %"), (bar.right(), egui::Align2::RIGHT_TOP, "100 %")]
+    {
+        ui.painter().text(egui::pos2(x, bar.bottom() + 3.0), align, text, font.clone(), color);
+    }
+}

@@ -1,0 +1,229 @@
+use std::sync::Arc;
+
+use egui::{PointerButton, Rect, Response, Role, Sense, Ui, WidgetInfo};
+use glam::{Vec2, Vec3};
+
+use super::scene_bar::scene_bar_ui;
+use super::scene_canvas::SceneCanvas;
+use crate::app::view_state::SceneWish;
+use crate::app::{Action, Look, ViewState};
+use crate::frames::Frame;
+use crate::scene::LabelledCloud;
+use crate::view::{
+    Bounds, Coloring, Orbit, Scene3d, ViewCamera, default_view, frustum_lines, pick_frustum, pick_point,
+};
+
+/// The 3-D view: where it is seen from, and the texture it is drawn into.
+pub struct ScenePane {
+    canvas: Option<SceneCanvas>,
+    orbit: Option<Orbit>,
+    shown: Shown,
+    zoom_anchor: Option<(egui::Pos2, Vec3)>,
+}
+
+/// What the view was last framed for.
+#[derive(Default)]
+struct Shown {
+    cloud: Option<Arc<LabelledCloud>>,
+    radius: f32,
+}
+
+impl ScenePane {
+    /// A view that draws on the window's GPU; without one it says so.
+    #[must_use]
+    pub fn new(gpu: Option<&egui_wgpu::RenderState>) -> Self {
+        Self { canvas: gpu.map(SceneCanvas::new), orbit: None, shown: Shown::default(), zoom_anchor: None }
+    }
+
+    /// Forgets where the view was: another project is open.
+    pub fn clear(&mut self) {
+        self.orbit = None;
+        self.shown = Shown::default();
+    }
+
+    /// The tool bar and the view.
+    pub(in crate::app) fn ui(&mut self, ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+        egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 4)).show(ui, |ui| {
+            scene_bar_ui(ui, look, view, wishes);
+        });
+        let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
+        response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), "3-D view"));
+        ui.painter().rect_filled(rect, 0.0, ui.visuals().extreme_bg_color);
+        let size = rect.size() * ui.pixels_per_point();
+        self.frame_new_content(look, view, size.x / size.y.max(1.0));
+        let Some(orbit) = self.orbit else {
+            return message(
+                ui,
+                rect,
+                "Nothing to show yet. Frames with cameras appear here, and the cloud once it is fused.",
+            );
+        };
+        let camera = orbit.camera(size.x.max(1.0) as u32, size.y.max(1.0) as u32);
+        self.input(ui, &response, look, view, &camera);
+        self.draw(ui, rect, look, view);
+    }
+
+    /// Frames the scene when another cloud or the first cameras come, or when asked to.
+    fn frame_new_content(&mut self, look: &Look<'_>, view: &mut ViewState, aspect: f32) {
+        let same = match (&self.shown.cloud, look.cloud) {
+            (Some(old), Some(new)) => Arc::ptr_eq(old, new),
+            (None, None) => true,
+            _ => false,
+        };
+        let wish = view.scene_wish.take();
+        if !same || self.orbit.is_none() || wish == Some(SceneWish::FrameAll) {
+            self.measure(look);
+            // A cloud made anew keeps the view the user chose.
+            let keep = self.orbit.is_some() && wish.is_none() && self.shown.cloud.is_some() && look.cloud.is_some();
+            if !keep {
+                self.orbit = framing(look, aspect);
+            }
+            self.shown.cloud = look.cloud.cloned();
+        }
+        if wish == Some(SceneWish::LookThrough) {
+            self.look_through(look.project.frames.get(view.frame));
+        }
+    }
+
+    fn measure(&mut self, look: &Look<'_>) {
+        self.shown.radius = bounds(look).map_or(1.0, |bounds| bounds.radius());
+    }
+
+    fn look_through(&mut self, frame: Option<&Frame>) {
+        let up = self.orbit.map_or(Vec3::NEG_Y, |orbit| orbit.up);
+        if let Some((camera, pose)) = frame.and_then(Frame::posed_camera) {
+            self.orbit = Some(Orbit::through(camera, pose, self.shown.radius, up));
+        }
+    }
+
+    fn input(&mut self, ui: &Ui, response: &Response, look: &Look<'_>, view: &mut ViewState, camera: &ViewCamera) {
+        let scale = ui.pixels_per_point();
+        let delta = response.drag_delta() * scale;
+        let delta = Vec2::new(delta.x, delta.y);
+        let in_view = |at: egui::Pos2| {
+            let at = (at - response.rect.min) * scale;
+            Vec2::new(at.x, at.y)
+        };
+        let Some(orbit) = &mut self.orbit else { return };
+        if response.dragged_by(PointerButton::Primary) {
+            orbit.orbit(delta);
+        } else if response.dragged_by(PointerButton::Secondary) || response.dragged_by(PointerButton::Middle) {
+            orbit.pan(delta, camera.height as f32);
+        }
+        if response.double_clicked() {
+            let at =
+                response.interact_pointer_pos().and_then(|at| point_at(look, view, camera, in_view(at), 12.0 * scale));
+            if let Some(at) = at {
+                orbit.recentre(at);
+            }
+        } else if response.clicked()
+            && view.prefs.frusta
+            && let Some(at) = response.interact_pointer_pos()
+            && let Some(frame) = pick_frustum(&look.project.frames, camera, in_view(at), 14.0 * scale)
+        {
+            view.go_to(frame);
+        }
+        self.zoom(ui, response, look, view, camera, in_view);
+    }
+
+    /// Wheel: zoom to what is under the pointer; looked up once while the pointer rests.
+    fn zoom(
+        &mut self,
+        ui: &Ui,
+        response: &Response,
+        look: &Look<'_>,
+        view: &ViewState,
+        camera: &ViewCamera,
+        in_view: impl Fn(egui::Pos2) -> Vec2,
+    ) {
+        let (Some(at), Some(orbit)) = (response.hover_pos(), &mut self.orbit) else { return };
+        let (scroll, pinch) = ui.input(|i| (i.smooth_scroll_delta(), i.zoom_delta()));
+        let factor = (-(scroll.x + scroll.y) / 300.0).exp() / pinch;
+        if (factor - 1.0).abs() < 1e-6 {
+            return;
+        }
+        let anchor = match self.zoom_anchor {
+            Some((place, anchor)) if place == at => anchor,
+            _ => point_at(look, view, camera, in_view(at), 30.0)
+                .unwrap_or_else(|| camera.unproject(in_view(at), orbit.distance)),
+        };
+        self.zoom_anchor = Some((at, anchor));
+        orbit.zoom(factor, anchor);
+    }
+
+    fn draw(&mut self, ui: &Ui, rect: Rect, look: &Look<'_>, view: &ViewState) {
+        let (Some(orbit), Some(canvas)) = (self.orbit, &mut self.canvas) else {
+            return message(
+                ui,
+                rect,
+                "The 3-D view needs a graphics adapter; 'ostra shot' draws pictures without one.",
+            );
+        };
+        let scale = ui.pixels_per_point();
+        let size = (rect.size() * scale).round().max(egui::Vec2::splat(1.0));
+        let most = ui.input(|i| i.max_texture_side) as f32;
+        let lines = if view.prefs.frusta {
+            frustum_lines(&look.project.frames, self.shown.radius * 0.09, Some(view.frame))
+        } else {
+            Vec::new()
+        };
+        let fill = ui.visuals().extreme_bg_color;
+        let scene = Scene3d {
+            camera: orbit.camera(size.x.min(most) as u32, size.y.min(most) as u32),
+            coloring: view.coloring,
+            hidden: view.hidden.clone(),
+            tree: look.root.map(|_| look.project.labels.clone()),
+            point_px: view.prefs.point_size * scale * 0.5,
+            background: [fill.r(), fill.g(), fill.b()],
+            lines,
+        };
+        if !canvas.draw(ui, rect, look.cloud, &scene) {
+            ui.ctx().request_repaint();
+        }
+        if view.coloring == Coloring::Confidence {
+            super::scene_bar::confidence_legend(ui, rect);
+        }
+    }
+}
+
+fn point_at(look: &Look<'_>, view: &ViewState, camera: &ViewCamera, at_px: Vec2, radius_px: f32) -> Option<Vec3> {
+    let cloud = look.cloud?;
+    pick_point(cloud, camera, at_px, radius_px, &view.hidden).map(|index| cloud.positions[index])
+}
+
+fn bounds(look: &Look<'_>) -> Option<Bounds> {
+    match look.cloud {
+        Some(cloud) => Bounds::of(every_nth(cloud).map(|index| cloud.positions[index])),
+        None => {
+            let poses = look.project.frames.iter().filter_map(Frame::posed_camera);
+            Bounds::of(poses.map(|(_, pose)| pose.centre().as_vec3()))
+        }
+    }
+}
+
+fn framing(look: &Look<'_>, aspect: f32) -> Option<Orbit> {
+    match look.cloud {
+        Some(cloud) => default_view(&thinned(cloud), &look.project.frames, aspect),
+        None => Some(Orbit::framing(&bounds(look)?, Vec3::new(0.4, 0.5, 1.0), Vec3::NEG_Y)),
+    }
+}
+
+/// Indices of an evenly spread part of the points, enough to know where the cloud lies.
+fn every_nth(cloud: &LabelledCloud) -> impl Iterator<Item = usize> {
+    (0..cloud.len()).step_by((cloud.len() / 100_000).max(1))
+}
+
+fn thinned(cloud: &LabelledCloud) -> LabelledCloud {
+    LabelledCloud {
+        positions: every_nth(cloud).map(|index| cloud.positions[index]).collect(),
+        labels: every_nth(cloud).map(|index| cloud.labels[index]).collect(),
+        ..LabelledCloud::default()
+    }
+}
+
+fn message(ui: &Ui, rect: Rect, text: &str) {
+    let color = ui.visuals().weak_text_color();
+    let galley =
+        ui.painter().layout(text.into(), egui::FontId::proportional(14.0), color, (rect.width() - 60.0).max(60.0));
+    ui.painter().galley(rect.center() - galley.size() / 2.0, galley, color);
+}

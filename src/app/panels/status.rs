@@ -1,0 +1,48 @@
+use egui::{RichText, Ui};
+
+use super::fuse::grouped;
+use super::jobs::progress_text;
+use crate::app::canvas::id_at;
+use crate::app::{Look, ViewState};
+use crate::masks::LabelId;
+
+/// One line at the bottom: what is open, what is under the pointer, what is running.
+pub(in crate::app) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) {
+    ui.horizontal(|ui| {
+        if let Some(frame) = look.project.frames.get(view.frame) {
+            ui.label(format!("Frame {} of {}", view.frame, look.project.frames.len().saturating_sub(1)));
+            ui.weak(&frame.name);
+            ui.separator();
+            pointer_ui(ui, look, view);
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if let Some(cloud) = look.cloud {
+                ui.weak(format!("{} points", grouped(cloud.len())));
+            }
+            if let Some(job) = look.slow_jobs().last() {
+                ui.weak(format!("{}: {}", job.title, progress_text(job)));
+                ui.spinner();
+            } else if !view.note.is_empty() {
+                ui.add(egui::Label::new(RichText::new(&view.note)).truncate());
+            }
+        });
+    });
+}
+
+fn pointer_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) {
+    let Some(at) = view.pointer_px else {
+        ui.weak("Left click includes, right click excludes, drag makes a box");
+        return;
+    };
+    ui.label(RichText::new(format!("x {:>5.0}  y {:>5.0}", at.x.floor(), at.y.floor())).monospace());
+    let id = look.project.masks.get(&view.frame).map_or(LabelId::NONE, |mask| id_at(&mask.runs, at));
+    if let Some(label) = look.project.labels.get(id) {
+        let path: Vec<_> = look.project.labels.path(id).iter().filter_map(|id| look.project.labels.get(*id)).collect();
+        let [r, g, b] = label.color;
+        let (rect, _) = ui.allocate_exact_size(egui::vec2(10.0, 10.0), egui::Sense::hover());
+        ui.painter().rect_filled(rect, 2.0, egui::Color32::from_rgb(r, g, b));
+        ui.label(path.iter().map(|label| label.name.as_str()).collect::<Vec<_>>().join(" › "));
+    } else {
+        ui.weak("no label");
+    }
+}

@@ -1,0 +1,61 @@
+use egui::{DragValue, Ui};
+
+use super::jobs::{progress_text, run_button_ui};
+use super::segmenter::engine_choice_ui;
+use crate::app::tips::field;
+use crate::app::{Action, Look, ViewState};
+use crate::masks::Direction;
+use crate::session::{EngineKind, MaskOrigin};
+
+/// Settings and button for carrying masks through the sequence.
+pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+    egui::Grid::new("track").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
+        field(ui, "Tracker", "Carries masks from anchors to the other frames", |ui| {
+            engine_choice_ui(ui, "tracker", look.engines_of(EngineKind::Tracker), &mut view.track.tracker);
+        });
+        field(ui, "Direction", "Which way masks go from an anchor", |ui| direction_ui(ui, &mut view.track.direction));
+        let last = look.project.frames.len().saturating_sub(1);
+        field(ui, "From frame", "First frame to track", |ui| bound_ui(ui, &mut view.track.from, 0, last));
+        field(ui, "To frame", "Last frame to track (included)", |ui| bound_ui(ui, &mut view.track.to, last, last));
+    });
+    let tip = "Holds the masks against the anchors' masks carried through geometry (needs depth and cameras)";
+    ui.checkbox(&mut view.track.constrain, "Constrain by geometry").on_hover_text(tip);
+    let anchors = look.project.masks.values().filter(|mask| mask.origin == MaskOrigin::Anchor).count();
+    ui.horizontal(|ui| {
+        run_button_ui(ui, look, view, (Action::Track, "Track"), anchors > 0, wishes);
+        if let Some(job) = look.running("Track") {
+            ui.weak(progress_text(job));
+            return;
+        }
+        let text = match anchors {
+            0 => "Click an object first".into(),
+            1 => "1 anchor".into(),
+            n => format!("{n} anchors"),
+        };
+        ui.weak(text)
+            .on_hover_text("Anchors are frames you clicked, painted or accepted; trackers never overwrite them");
+    });
+}
+
+fn direction_ui(ui: &mut Ui, direction: &mut Direction) {
+    let choices = [
+        (Direction::Backward, "Back", "Only to earlier frames"),
+        (Direction::Both, "Both", "To earlier and later frames"),
+        (Direction::Forward, "Forward", "Only to later frames"),
+    ];
+    for (value, text, tip) in choices {
+        ui.selectable_value(direction, value, text).on_hover_text(tip);
+    }
+}
+
+/// A frame number that stays empty (= the end of the sequence) until it is changed.
+fn bound_ui(ui: &mut Ui, bound: &mut Option<usize>, default: usize, last: usize) {
+    let mut value = bound.unwrap_or(default);
+    let drag = ui.add(DragValue::new(&mut value).range(0..=last).speed(0.2));
+    if drag.on_hover_text("Drag or click to change").changed() {
+        *bound = (value != default).then_some(value);
+    }
+    if bound.is_some() && ui.small_button("Reset").on_hover_text("Back to the end of the sequence").clicked() {
+        *bound = None;
+    }
+}

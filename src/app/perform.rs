@@ -1,0 +1,156 @@
+use egui::{Context, ThemePreference, ViewportCommand};
+
+use super::canvas::{clear_label, click_at};
+use super::menu::is_possible;
+use super::panels::{add_label, listed};
+use super::view_state::{PathWish, SceneWish};
+use super::{Action, Dialog, Look, Panes, ViewState};
+use crate::masks::Direction;
+use crate::session::Command;
+
+/// Does an action: changes what is looked at, or hands out commands.
+pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    if !is_possible(action, look, view) {
+        return;
+    }
+    if let Some(dialog) = dialog_of(action) {
+        view.dialog = Some(dialog);
+        view.path_text.clear();
+        return;
+    }
+    if let Some(frame) = destination(action, look, view) {
+        view.go_to(frame);
+        return;
+    }
+    match action {
+        Action::Close => out.push(Command::Close),
+        Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
+        Action::Undo => step(view, Command::Undo, out),
+        Action::Redo => step(view, Command::Redo, out),
+        Action::AddLabel => add_label(look, view, out),
+        Action::ChooseLabel(number) => choose_label(look, view, number),
+        Action::IncludeHere => click_here(look, view, true, out),
+        Action::ExcludeHere => click_here(look, view, false, out),
+        Action::ClearLabelHere => clear_label(look, view, out),
+        Action::ClearFrame => out.push(Command::ClearMask { frame: view.frame }),
+        Action::MakeAnchor => out.push(Command::MakeAnchor { frame: view.frame }),
+        Action::UseTool(tool) => {
+            view.draft.drop_half_made();
+            view.tool = tool;
+        }
+        Action::SmallerBrush => view.prefs.brush_px = (view.prefs.brush_px / 1.2).max(0.5),
+        Action::LargerBrush => view.prefs.brush_px = (view.prefs.brush_px * 1.2).min(500.0),
+        Action::Track => out.push(Command::Track(view.track.clone())),
+        Action::TrackForward => track_from_here(view, Direction::Forward, out),
+        Action::TrackBackward => track_from_here(view, Direction::Backward, out),
+        Action::Reconstruct => out.push(Command::Reconstruct(view.reconstruct.clone())),
+        Action::Fuse => out.push(Command::Fuse(view.fuse.clone())),
+        Action::Stop => out.push(Command::Stop),
+        Action::Cancel => cancel(look, view, out),
+        Action::ToggleTheme => toggle_theme(ctx),
+        other => look_differently(other, ctx, view),
+    }
+}
+
+fn dialog_of(action: Action) -> Option<Dialog> {
+    Some(match action {
+        Action::NewProject => Dialog::NewProject,
+        Action::AddFrames => Dialog::AddFrames,
+        Action::Export => Dialog::Export,
+        Action::Palette => Dialog::Palette,
+        Action::ShortcutSheet => Dialog::Shortcuts,
+        Action::Open => Dialog::Path(PathWish::OpenProject),
+        Action::Inspect => Dialog::Path(PathWish::InspectPly),
+        Action::ImportMasks => Dialog::Path(PathWish::ImportMasks),
+        Action::SaveRecipe => Dialog::Path(PathWish::SaveRecipe),
+        _ => return None,
+    })
+}
+
+/// The frame that a move leads to.
+fn destination(action: Action, look: &Look<'_>, view: &ViewState) -> Option<usize> {
+    let last = look.project.frames.len().checked_sub(1)?;
+    Some(match action {
+        Action::PreviousFrame => view.frame.saturating_sub(1),
+        Action::NextFrame => (view.frame + 1).min(last),
+        Action::Back10 => view.frame.saturating_sub(10),
+        Action::Forward10 => (view.frame + 10).min(last),
+        Action::FirstFrame => 0,
+        Action::LastFrame => last,
+        Action::NextDoubtful => next_doubtful(look, view.frame).unwrap_or(view.frame),
+        _ => return None,
+    })
+}
+
+/// The next frame, from the beginning again after the last, whose mask is stale or less than half sure.
+fn next_doubtful(look: &Look<'_>, from: usize) -> Option<usize> {
+    let doubtful = |frame: usize| {
+        let mask = look.project.masks.get(&frame);
+        mask.is_some_and(|mask| mask.stale || mask.confidence.values().any(|&sure| sure < 0.5))
+    };
+    let count = look.project.frames.len();
+    (1..=count).map(|step| (from + step) % count).find(|&frame| doubtful(frame))
+}
+
+fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
+    match action {
+        Action::Fit => view.zoom.scale = None,
+        Action::ActualSize => actual_size(ctx, view),
+        Action::ToggleMasks => view.masks_shown = !view.masks_shown,
+        Action::ToggleOutlines => view.prefs.outlines = !view.prefs.outlines,
+        Action::ShowBoth => view.prefs.panes = Panes::Both,
+        Action::ShowPicture => view.prefs.panes = Panes::Picture,
+        Action::ShowScene => view.prefs.panes = Panes::Scene,
+        Action::FrameCloud => view.scene_wish = Some(SceneWish::FrameAll),
+        Action::LookThrough => view.scene_wish = Some(SceneWish::LookThrough),
+        _ => {}
+    }
+}
+
+fn actual_size(ctx: &Context, view: &mut ViewState) {
+    if view.zoom.scale.is_none() {
+        view.zoom.centre_px = view.pointer_px.unwrap_or(view.picture_middle_px);
+    }
+    view.zoom.scale = Some(1.0 / ctx.pixels_per_point());
+}
+
+fn step(view: &mut ViewState, command: Command, out: &mut Vec<Command>) {
+    view.draft.drop_half_made();
+    view.draft.forget_sent();
+    out.push(command);
+}
+
+fn choose_label(look: &Look<'_>, view: &mut ViewState, number: u8) {
+    if let Some((label, _)) = listed(&look.project.labels).get(usize::from(number.saturating_sub(1))) {
+        view.label = Some(label.id);
+    }
+}
+
+fn click_here(look: &Look<'_>, view: &mut ViewState, include: bool, out: &mut Vec<Command>) {
+    if let Some(at_px) = view.pointer_px {
+        click_at(look, view, at_px, include, out);
+    }
+}
+
+fn track_from_here(view: &ViewState, direction: Direction, out: &mut Vec<Command>) {
+    let mut settings = view.track.clone();
+    settings.direction = direction;
+    match direction {
+        Direction::Forward => settings.from = Some(view.frame),
+        Direction::Backward => settings.to = Some(view.frame),
+        Direction::Both => {}
+    }
+    out.push(Command::Track(settings));
+}
+
+/// Esc: first what is half made, then what runs.
+fn cancel(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    if !view.draft.drop_half_made() && !look.jobs.is_empty() {
+        out.push(Command::Stop);
+    }
+}
+
+fn toggle_theme(ctx: &Context) {
+    let dark = ctx.theme() == egui::Theme::Dark;
+    ctx.set_theme(if dark { ThemePreference::Light } else { ThemePreference::Dark });
+}

@@ -1,0 +1,39 @@
+use serde::{Deserialize, Serialize};
+
+use super::{Panes, Shortcuts};
+use crate::view::OverlayStyle;
+
+/// What the window remembers from one start to the next: taste, never content.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Prefs {
+    /// Keys that the user changed.
+    pub shortcuts: Shortcuts,
+    /// Which panes are shown.
+    pub panes: Panes,
+    /// Opacity of masks, 0–1.
+    pub opacity: f32,
+    /// Whether labels are outlined.
+    pub outlines: bool,
+    /// Radius of brush and eraser in picture pixels.
+    pub brush_px: f64,
+    /// Size of points in the 3-D view in screen points.
+    pub point_size: f32,
+    /// Whether camera frusta are drawn.
+    pub frusta: bool,
+}
+
+impl Default for Prefs {
+    fn default() -> Self {
+        let style = OverlayStyle::default();
+        Self {
+            shortcuts: Shortcuts::default(),
+            panes: Panes::default(),
+            opacity: style.opacity,
+            outlines: style.outlines,
+            brush_px: 12.0,
+            point_size: 2.0,
+            frusta: true,
+        }
+    }
+}

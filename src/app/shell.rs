@@ -1,0 +1,172 @@
+use egui::{CentralPanel, Context, Frame, Margin, Panel, ScrollArea, Stroke, Ui};
+
+use super::canvas::picture_pane_ui;
+use super::dialogs::{export_ui, new_project_ui, palette_ui, path_ui, sheet_ui, take_picked};
+use super::menu::menu_bar_ui;
+use super::notices::notices_ui;
+use super::panels::{
+    ScenePane, cloud_labels_ui, filmstrip_ui, fuse_ui, jobs_ui, labels_ui, reconstruct_ui, results_ui, segmenter_ui,
+    status_ui, track_ui, welcome_ui,
+};
+use super::perform::perform;
+use super::textures::Textures;
+use super::{Action, Dialog, Look, Panes, Prefs, ViewState};
+use crate::session::Command;
+
+/// All that is drawn, without the session behind it: looks in, commands out.
+pub struct Shell {
+    /// What belongs to looking.
+    pub view: ViewState,
+    textures: Textures,
+    scene: ScenePane,
+}
+
+impl Shell {
+    /// A shell with the taste of last time; without a GPU the 3-D view says that it needs one.
+    #[must_use]
+    pub fn new(prefs: Prefs, gpu: Option<&egui_wgpu::RenderState>) -> Self {
+        Self { view: ViewState::new(prefs), textures: Textures::default(), scene: ScenePane::new(gpu) }
+    }
+
+    /// Forgets what belongs to the project that was open.
+    pub fn project_changed(&mut self) {
+        self.view.project_changed();
+        self.textures.clear();
+        self.scene.clear();
+    }
+
+    /// Draws the whole window; what the user asked for comes back as commands, in order.
+    pub fn ui(&mut self, ui: &mut Ui, look: &Look<'_>) -> Vec<Command> {
+        let (mut out, mut wishes) = (Vec::new(), Vec::new());
+        self.view.keep_valid(look);
+        self.view.presence.update(look.project);
+        self.view.draft.follow(look.project);
+        take_picked(ui.ctx(), &mut self.view);
+        wishes.extend(pressed(ui.ctx(), &self.view));
+        self.bars_ui(ui, look, &mut out, &mut wishes);
+        if look.has_frames() {
+            self.side_panels_ui(ui, look, &mut out, &mut wishes);
+        } else if look.inspected.is_some() {
+            side_panel(Panel::left("labels"), 230.0).show(ui, |ui| cloud_labels_ui(ui, look, &mut self.view));
+        }
+        let fill = ui.visuals().panel_fill;
+        CentralPanel::default().frame(Frame::new().fill(fill)).show(ui, |ui| {
+            self.panes_ui(ui, look, &mut out, &mut wishes);
+        });
+        self.dialogs_ui(ui, look, &mut out, &mut wishes);
+        notices_ui(ui, &mut self.view.notices);
+        for action in wishes {
+            perform(action, ui.ctx(), look, &mut self.view, &mut out);
+        }
+        if let Some(pictures) = look.pictures {
+            pictures.turn();
+        }
+        out
+    }
+
+    /// Menu bar at the top, status line and filmstrip at the bottom.
+    fn bars_ui(&mut self, ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
+        let bar = Frame::new().fill(ui.visuals().panel_fill).inner_margin(Margin::symmetric(8, 3));
+        Panel::top("menu").frame(bar).show(ui, |ui| menu_bar_ui(ui, look, &self.view, out, wishes));
+        Panel::bottom("status").frame(bar).show(ui, |ui| status_ui(ui, look, &self.view));
+        if look.has_frames() {
+            let strip = Frame::new().fill(ui.visuals().panel_fill).inner_margin(Margin {
+                left: 8,
+                right: 8,
+                top: 6,
+                bottom: 2,
+            });
+            Panel::bottom("filmstrip").resizable(false).exact_size(114.0).frame(strip).show(ui, |ui| {
+                filmstrip_ui(ui, look, &mut self.view, &mut self.textures);
+            });
+        }
+    }
+
+    fn side_panels_ui(&mut self, ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
+        let view = &mut self.view;
+        side_panel(Panel::left("labels"), 230.0).show(ui, |ui| {
+            scrolled(ui, "left", |ui| {
+                labels_ui(ui, look, view, out);
+                ui.separator();
+                segmenter_ui(ui, look, view);
+            });
+        });
+        side_panel(Panel::right("work"), 262.0).show(ui, |ui| {
+            scrolled(ui, "right", |ui| {
+                section(ui, "Track", true, |ui| track_ui(ui, look, view, wishes));
+                section(ui, "Reconstruct", true, |ui| reconstruct_ui(ui, look, view, wishes));
+                section(ui, "Fuse", true, |ui| fuse_ui(ui, look, view, wishes));
+                section(ui, "Results", false, |ui| results_ui(ui, look));
+                if look.slow_jobs().next().is_some() {
+                    section(ui, "Running", true, |ui| jobs_ui(ui, look, view, wishes));
+                }
+            });
+        });
+    }
+
+    /// Picture and 3-D view, or what to do first.
+    fn panes_ui(&mut self, ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
+        let has_scene = look.cloud.is_some() || look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
+        match (look.has_frames(), look.inspected.is_some()) {
+            (false, false) => return welcome_ui(ui, look, &self.view, out, wishes),
+            (false, true) => return self.scene.ui(ui, look, &mut self.view, wishes),
+            (true, _) => {}
+        }
+        let panes = self.view.prefs.panes;
+        if panes == Panes::Scene {
+            return self.scene.ui(ui, look, &mut self.view, wishes);
+        }
+        if panes == Panes::Both && has_scene {
+            let half = ui.available_width() * 0.46;
+            let frame = Frame::new().fill(ui.visuals().panel_fill);
+            Panel::right("scene")
+                .resizable(true)
+                .default_size(half)
+                .size_range(220.0..=half * 1.8)
+                .frame(frame)
+                .show(ui, |ui| self.scene.ui(ui, look, &mut self.view, wishes));
+        }
+        picture_pane_ui(ui, look, &mut self.view, &mut self.textures, out, wishes);
+    }
+
+    fn dialogs_ui(&mut self, ui: &Ui, look: &Look<'_>, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
+        let view = &mut self.view;
+        match view.dialog {
+            Some(dialog @ (Dialog::NewProject | Dialog::AddFrames)) => new_project_ui(ui, view, dialog, out),
+            Some(Dialog::Export) => export_ui(ui, look, view, out),
+            Some(Dialog::Shortcuts) => sheet_ui(ui, view),
+            Some(Dialog::Palette) => palette_ui(ui, look, view, wishes),
+            Some(Dialog::Path(wish)) => path_ui(ui, view, wish, out),
+            None => {}
+        }
+    }
+}
+
+/// The actions whose keys were pressed; none while text is typed or a dialog is open.
+fn pressed(ctx: &Context, view: &ViewState) -> Vec<Action> {
+    if view.dialog.is_some() || ctx.text_edit_focused() || ctx.any_popup_open() {
+        return Vec::new();
+    }
+    ctx.input(|input| input.events.iter().filter_map(|event| view.prefs.shortcuts.action_for(event)).collect())
+}
+
+fn side_panel(panel: Panel, size: f32) -> Panel {
+    panel.resizable(true).default_size(size).size_range(180.0..=460.0)
+}
+
+fn scrolled(ui: &mut Ui, salt: &str, content: impl FnOnce(&mut Ui)) {
+    ScrollArea::vertical().id_salt(salt).auto_shrink([false, false]).show(ui, content);
+}
+
+/// A part of a side panel that folds away.
+fn section(ui: &mut Ui, title: &str, open: bool, content: impl FnOnce(&mut Ui)) {
+    let header = egui::CollapsingHeader::new(egui::RichText::new(title).strong().size(14.0));
+    header.default_open(open).show_unindented(ui, |ui| {
+        ui.add_space(2.0);
+        content(ui);
+        ui.add_space(6.0);
+    });
+    let line = ui.visuals().widgets.noninteractive.bg_stroke.color;
+    let (rect, _) = ui.allocate_exact_size(egui::vec2(ui.available_width(), 1.0), egui::Sense::hover());
+    ui.painter().hline(rect.x_range(), rect.center().y, Stroke::new(1.0, line.gamma_multiply(0.7)));
+}

@@ -1,0 +1,137 @@
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
+
+use crate::frames::Image;
+use crate::masks::LabelTree;
+use crate::masks::RunMask;
+use crate::view::{OverlayStyle, overlay};
+
+/// Textures of pictures, thumbnails and masks; each is made anew only when what it shows changed.
+#[derive(Default)]
+pub(super) struct Textures {
+    picture: Option<(Arc<Image>, TextureHandle)>,
+    mask: Option<MaskTexture>,
+    thumbnails: BTreeMap<usize, Thumbnail>,
+    clock: u64,
+}
+
+struct MaskTexture {
+    runs: Arc<RunMask>,
+    tree: LabelTree,
+    style: OverlayStyle,
+    texture: TextureHandle,
+}
+
+struct Thumbnail {
+    image: Arc<Image>,
+    texture: TextureHandle,
+    seen: u64,
+}
+
+/// Thumbnails kept on the GPU.
+const THUMBNAILS_KEPT: usize = 300;
+
+/// Smooth when made smaller, sharp pixels when magnified.
+const PIXELS: TextureOptions = TextureOptions {
+    magnification: egui::TextureFilter::Nearest,
+    minification: egui::TextureFilter::Linear,
+    wrap_mode: egui::TextureWrapMode::ClampToEdge,
+    mipmap_mode: Some(egui::TextureFilter::Linear),
+};
+
+impl Textures {
+    /// Forgets everything of the project that was open.
+    pub fn clear(&mut self) {
+        *self = Self::default();
+    }
+
+    /// The texture of the picture shown.
+    pub fn picture(&mut self, ctx: &Context, image: &Arc<Image>) -> TextureHandle {
+        match &self.picture {
+            Some((shown, texture)) if Arc::ptr_eq(shown, image) => texture.clone(),
+            _ => {
+                let texture = ctx.load_texture(
+                    "picture",
+                    fitted(ctx, image.width, image.height, |i| opaque(image.pixels[i])),
+                    PIXELS,
+                );
+                self.picture = Some((Arc::clone(image), texture.clone()));
+                texture
+            }
+        }
+    }
+
+    /// The texture of the mask over the picture.
+    pub fn mask(
+        &mut self,
+        ctx: &Context,
+        runs: &Arc<RunMask>,
+        tree: &LabelTree,
+        style: &OverlayStyle,
+    ) -> TextureHandle {
+        if let Some(shown) = &self.mask
+            && Arc::ptr_eq(&shown.runs, runs)
+            && shown.style == *style
+            && shown.tree == *tree
+        {
+            return shown.texture.clone();
+        }
+        let pixels = overlay(&runs.decode(), tree, style);
+        let color = |i: usize| {
+            let [r, g, b, a] = pixels[i];
+            Color32::from_rgba_unmultiplied(r, g, b, a)
+        };
+        let texture = ctx.load_texture("mask", fitted(ctx, runs.width, runs.height, color), PIXELS);
+        self.mask = Some(MaskTexture {
+            runs: Arc::clone(runs),
+            tree: tree.clone(),
+            style: style.clone(),
+            texture: texture.clone(),
+        });
+        texture
+    }
+
+    /// The texture of a thumbnail.
+    pub fn thumbnail(&mut self, ctx: &Context, frame: usize, image: &Arc<Image>) -> TextureHandle {
+        self.clock += 1;
+        let clock = self.clock;
+        if let Some(kept) = self.thumbnails.get_mut(&frame)
+            && Arc::ptr_eq(&kept.image, image)
+        {
+            kept.seen = clock;
+            return kept.texture.clone();
+        }
+        let pixels = fitted(ctx, image.width, image.height, |i| opaque(image.pixels[i]));
+        let texture = ctx.load_texture("thumbnail", pixels, TextureOptions::LINEAR);
+        self.thumbnails.insert(frame, Thumbnail { image: Arc::clone(image), texture: texture.clone(), seen: clock });
+        self.drop_oldest_thumbnail();
+        texture
+    }
+
+    fn drop_oldest_thumbnail(&mut self) {
+        if self.thumbnails.len() > THUMBNAILS_KEPT
+            && let Some(oldest) = self.thumbnails.iter().min_by_key(|(_, kept)| kept.seen).map(|(&frame, _)| frame)
+        {
+            self.thumbnails.remove(&oldest);
+        }
+    }
+}
+
+fn opaque([r, g, b]: [u8; 3]) -> Color32 {
+    Color32::from_rgb(r, g, b)
+}
+
+/// The pixels as egui takes them, every n-th where the picture is larger than the GPU's largest texture.
+fn fitted(ctx: &Context, width: u32, height: u32, color: impl Fn(usize) -> Color32) -> ColorImage {
+    let most = ctx.input(|input| input.max_texture_side).max(1);
+    let (width, height) = (width as usize, height as usize);
+    let step = width.max(height).div_ceil(most).max(1);
+    let size = [width.div_ceil(step), height.div_ceil(step)];
+    let mut pixels = Vec::with_capacity(size[0] * size[1]);
+    for y in (0..height).step_by(step) {
+        pixels.extend((0..width).step_by(step).map(|x| color(y * width + x)));
+    }
+    ColorImage::new(size, pixels)
+}

@@ -1,0 +1,81 @@
+use egui::{Color32, Context, CornerRadius, Margin, Stroke, Style, Theme, Vec2};
+
+/// Sets the look of the window, dark and light: quiet greys, one accent, the same distances everywhere.
+pub fn set_theme(ctx: &Context) {
+    ctx.style_mut_of(Theme::Dark, |style| {
+        spacing(style);
+        dark(style);
+    });
+    ctx.style_mut_of(Theme::Light, |style| {
+        spacing(style);
+        light(style);
+    });
+}
+
+fn spacing(style: &mut Style) {
+    let spacing = &mut style.spacing;
+    spacing.item_spacing = Vec2::new(6.0, 5.0);
+    spacing.button_padding = Vec2::new(7.0, 2.0);
+    spacing.interact_size.y = 20.0;
+    spacing.window_margin = Margin::same(16);
+    spacing.menu_margin = Margin::same(6);
+    spacing.scroll = egui::style::ScrollStyle::thin();
+    let visuals = &mut style.visuals;
+    for widget in [
+        &mut visuals.widgets.noninteractive,
+        &mut visuals.widgets.inactive,
+        &mut visuals.widgets.hovered,
+        &mut visuals.widgets.active,
+        &mut visuals.widgets.open,
+    ] {
+        widget.corner_radius = CornerRadius::same(4);
+        widget.expansion = 0.0;
+    }
+    visuals.window_corner_radius = CornerRadius::same(8);
+    visuals.menu_corner_radius = CornerRadius::same(6);
+    visuals.slider_trailing_fill = true;
+    visuals.indent_has_left_vline = false;
+}
+
+fn dark(style: &mut Style) {
+    let visuals = &mut style.visuals;
+    let grey = Color32::from_gray;
+    visuals.panel_fill = Color32::from_rgb(30, 31, 34);
+    visuals.window_fill = Color32::from_rgb(37, 38, 42);
+    visuals.extreme_bg_color = Color32::from_rgb(19, 20, 22);
+    visuals.faint_bg_color = Color32::from_rgb(38, 39, 43);
+    visuals.window_stroke = Stroke::new(1.0, grey(60));
+    visuals.selection.bg_fill = Color32::from_rgb(36, 84, 148);
+    visuals.selection.stroke = Stroke::new(1.0, Color32::from_rgb(225, 236, 250));
+    visuals.hyperlink_color = Color32::from_rgb(104, 166, 245);
+    visuals.widgets.noninteractive.bg_stroke = Stroke::new(1.0, grey(50));
+    visuals.widgets.noninteractive.fg_stroke.color = grey(205);
+    visuals.widgets.inactive.fg_stroke.color = grey(215);
+    visuals.widgets.inactive.weak_bg_fill = Color32::from_rgb(52, 54, 59);
+    visuals.widgets.inactive.bg_fill = Color32::from_rgb(58, 60, 66);
+    visuals.widgets.hovered.weak_bg_fill = Color32::from_rgb(66, 68, 75);
+    visuals.widgets.hovered.bg_stroke = Stroke::new(1.0, grey(95));
+    visuals.weak_text_color = Some(grey(140));
+}
+
+fn light(style: &mut Style) {
+    let visuals = &mut style.visuals;
+    let grey = Color32::from_gray;
+    visuals.panel_fill = grey(246);
+    visuals.window_fill = grey(252);
+    visuals.extreme_bg_color = Color32::from_rgb(226, 228, 232);
+    visuals.text_edit_bg_color = Some(grey(255));
+    visuals.faint_bg_color = grey(236);
+    visuals.window_stroke = Stroke::new(1.0, grey(205));
+    visuals.selection.bg_fill = Color32::from_rgb(160, 200, 248);
+    visuals.selection.stroke = Stroke::new(1.0, Color32::from_rgb(10, 45, 90));
+    visuals.hyperlink_color = Color32::from_rgb(20, 90, 190);
+    visuals.widgets.noninteractive.bg_stroke = Stroke::new(1.0, grey(212));
+    visuals.widgets.noninteractive.fg_stroke.color = grey(50);
+    visuals.widgets.inactive.fg_stroke.color = grey(40);
+    visuals.widgets.inactive.weak_bg_fill = grey(226);
+    visuals.widgets.hovered.weak_bg_fill = grey(214);
+    visuals.weak_text_color = Some(grey(105));
+    visuals.warn_fg_color = Color32::from_rgb(170, 95, 0);
+    visuals.error_fg_color = Color32::from_rgb(190, 30, 30);
+}

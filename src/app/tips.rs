@@ -1,0 +1,30 @@
+use egui::{Button, Response, Ui};
+
+use super::{Action, Shortcuts};
+
+/// A button that does `action`: its tooltip says what, and with which keys.
+pub(super) fn action_button(ui: &mut Ui, shortcuts: &Shortcuts, action: Action, text: &str, enabled: bool) -> Response {
+    let tip = shortcuts.tip(ui.ctx(), action);
+    let button = ui.add_enabled(enabled, Button::new(text));
+    button.on_hover_text(&tip).on_disabled_hover_text(tip)
+}
+
+/// An icon that is read out as `name`.
+pub(super) fn icon_button(ui: &mut Ui, icon: &str, name: &str, tip: &str) -> Response {
+    ui.add(Button::new(icon).frame(false)).on_hover_text(tip).accessible_name(name)
+}
+
+/// A heading of a section inside a panel.
+pub(super) fn section_heading(ui: &mut Ui, text: &str) {
+    ui.add_space(2.0);
+    ui.label(egui::RichText::new(text).strong().size(14.0));
+    ui.add_space(2.0);
+}
+
+/// A row of a form: what it is on the left, the control on the right, named after it.
+pub(super) fn field<R>(ui: &mut Ui, name: &str, tip: &str, content: impl FnOnce(&mut Ui) -> R) -> R {
+    ui.label(name).on_hover_text(tip);
+    let result = ui.name_inputs(name, |ui| ui.horizontal(content).inner);
+    ui.end_row();
+    result
+}

@@ -1,0 +1,209 @@
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::canvas::{Draft, Tool, ZoomState};
+use super::dialogs::{ExportForm, NewProjectForm, PathPicker, SheetState};
+use super::panels::{LabelEditing, PointCounts};
+use super::presence::Presence;
+use super::{Look, Notices, Prefs};
+use crate::masks::{Direction, LabelId};
+use crate::session::{FuseRequest, ReconstructMethod, ReconstructRequest, TrackSettings};
+use crate::view::Coloring;
+
+/// All that belongs to looking and not to the project: the frame shown, the tool, the eye. Never saved with a project.
+pub struct ViewState {
+    /// Number of the frame shown.
+    pub frame: usize,
+    /// The tool in hand.
+    pub tool: Tool,
+    /// The label that clicks and brush are for.
+    pub label: Option<LabelId>,
+    /// Whether masks are shown at all.
+    pub masks_shown: bool,
+    /// Labels (with all below them) that are not shown.
+    pub hidden: BTreeSet<LabelId>,
+    /// What the colours of points show.
+    pub coloring: Coloring,
+    /// Taste, kept from one start to the next.
+    pub prefs: Prefs,
+    /// Zoom and place of the picture.
+    pub zoom: ZoomState,
+    /// What is being drawn and not yet sent.
+    pub draft: Draft,
+    /// Name of the segmenter to use.
+    pub segmenter: String,
+    /// Settings of the Track panel.
+    pub track: TrackSettings,
+    /// Settings of the Reconstruct panel.
+    pub reconstruct: ReconstructRequest,
+    /// Settings of the Fuse panel.
+    pub fuse: FuseRequest,
+    /// The dialog that is open.
+    pub dialog: Option<Dialog>,
+    /// Form of the new-project dialog, kept while the window lives.
+    pub new_project: NewProjectForm,
+    /// Form of the export dialog.
+    pub export: ExportForm,
+    /// What the file chooser is open for.
+    pub picker: PathPicker,
+    /// What is typed in a dialog that asks for one path.
+    pub path_text: String,
+    /// Where the history shall be written as a recipe.
+    pub recipe_to: Option<PathBuf>,
+    /// The shortcut sheet.
+    pub sheet: SheetState,
+    /// What is typed in the palette.
+    pub palette_text: String,
+    /// What is being edited in the label list.
+    pub labels: LabelEditing,
+    /// Which labels are on which frames.
+    pub presence: Presence,
+    /// Points per label of the cloud.
+    pub point_counts: PointCounts,
+    /// Errors and warnings not yet dismissed.
+    pub notices: Notices,
+    /// What was done last, for the status line.
+    pub note: String,
+    /// The filmstrip scrolls to the shown frame next time.
+    pub reveal_frame: bool,
+    /// Asks the 3-D view to do something once.
+    pub scene_wish: Option<SceneWish>,
+    /// Picture position under the pointer, in pixels.
+    pub pointer_px: Option<glam::DVec2>,
+    /// Middle of the shown picture, in pixels.
+    pub picture_middle_px: glam::DVec2,
+}
+
+/// What the 3-D view is asked to do once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SceneWish {
+    /// Shows the whole cloud.
+    FrameAll,
+    /// Looks through the shown frame's camera.
+    LookThrough,
+}
+
+/// The dialogs; at most one is open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dialog {
+    /// A new project.
+    NewProject,
+    /// More frames for the open project.
+    AddFrames,
+    /// Writing results to files.
+    Export,
+    /// The shortcut sheet.
+    Shortcuts,
+    /// The palette of actions.
+    Palette,
+    /// Path of something to open, typed or chosen.
+    Path(PathWish),
+}
+
+/// What a path is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PathWish {
+    /// A project folder to open.
+    OpenProject,
+    /// A PLY to look at.
+    InspectPly,
+    /// A folder of masks to read.
+    ImportMasks,
+    /// A recipe to write.
+    SaveRecipe,
+}
+
+/// Which panes the middle of the window shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Panes {
+    /// Picture and 3-D side by side; the picture alone while there is no cloud and no camera.
+    #[default]
+    Both,
+    /// The picture alone.
+    Picture,
+    /// The 3-D view alone.
+    Scene,
+}
+
+impl ViewState {
+    /// The state at the start, with the taste of last time.
+    #[must_use]
+    pub fn new(prefs: Prefs) -> Self {
+        Self {
+            frame: 0,
+            tool: Tool::Click,
+            label: None,
+            masks_shown: true,
+            hidden: BTreeSet::new(),
+            coloring: Coloring::Rgb,
+            prefs,
+            zoom: ZoomState::default(),
+            draft: Draft::default(),
+            segmenter: "auto".into(),
+            track: default_track(),
+            reconstruct: ReconstructRequest { method: ReconstructMethod::Auto, every: 1, device: "auto".into() },
+            fuse: FuseRequest::default(),
+            dialog: None,
+            new_project: NewProjectForm::default(),
+            export: ExportForm::default(),
+            picker: PathPicker::default(),
+            path_text: String::new(),
+            recipe_to: None,
+            sheet: SheetState::default(),
+            palette_text: String::new(),
+            labels: LabelEditing::default(),
+            presence: Presence::default(),
+            point_counts: PointCounts::default(),
+            notices: Notices::default(),
+            note: String::new(),
+            reveal_frame: true,
+            scene_wish: None,
+            pointer_px: None,
+            picture_middle_px: glam::DVec2::ZERO,
+        }
+    }
+
+    /// Forgets what belongs to the project that was open.
+    pub fn project_changed(&mut self) {
+        let notices = std::mem::take(&mut self.notices);
+        let kept = std::mem::take(&mut self.prefs);
+        let (new_project, picker) = (std::mem::take(&mut self.new_project), std::mem::take(&mut self.picker));
+        *self = Self { notices, new_project, picker, ..Self::new(kept) };
+    }
+
+    /// Brings frame and label back into what the project has.
+    pub fn keep_valid(&mut self, look: &Look<'_>) {
+        self.frame = self.frame.min(look.project.frames.len().saturating_sub(1));
+        if self.label.is_none_or(|label| look.project.labels.get(label).is_none()) {
+            self.label = look.project.labels.iter().next().map(|label| label.id);
+        }
+    }
+
+    /// Shows another frame; half-made drawing on the old one is dropped.
+    pub fn go_to(&mut self, frame: usize) {
+        if self.frame != frame {
+            self.frame = frame;
+            self.draft.drop_half_made();
+            self.reveal_frame = true;
+        }
+    }
+}
+
+fn default_track() -> TrackSettings {
+    TrackSettings { tracker: "auto".into(), from: None, to: None, direction: Direction::Both, constrain: false }
+}
+
+/// The text of a path as typed: blanks around it are dropped, `~/` is the home folder.
+#[must_use]
+pub(super) fn typed_path(text: &str) -> Option<PathBuf> {
+    let text = text.trim();
+    if text.is_empty() {
+        return None;
+    }
+    match text.strip_prefix("~/").and_then(|rest| Some(dirs::home_dir()?.join(rest))) {
+        Some(path) => Some(path),
+        None => Some(PathBuf::from(text)),
+    }
+}

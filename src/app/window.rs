@@ -1,0 +1,221 @@
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Result;
+use egui::{Context, ViewportBuilder, ViewportCommand};
+
+use super::dialogs::NewProjectForm;
+use super::theme::set_theme;
+use super::{Dialog, Look, Prefs, Severity, Shell};
+use crate::frames::Frame;
+use crate::session::{Command, Engine, Event, Pictures, Project, Recent, Session, engines};
+
+/// Opens the window; `path` is a project, a folder of frames, a film or a labelled PLY to begin with.
+///
+/// # Errors
+/// When the system gives no window or no graphics adapter.
+pub fn run(path: Option<PathBuf>) -> Result<()> {
+    let viewport = ViewportBuilder::default()
+        .with_title("OSTRA")
+        .with_app_id("ostra")
+        .with_inner_size([1440.0, 900.0])
+        .with_min_inner_size([720.0, 480.0]);
+    let options = eframe::NativeOptions { viewport, ..eframe::NativeOptions::default() };
+    let result = eframe::run_native("ostra", options, Box::new(|cc| Ok(Box::new(Window::new(cc, path)))));
+    result
+        .map_err(|error| anyhow::anyhow!("no window can be opened ({error}); use the command line, see 'ostra --help'"))
+}
+
+/// The window with the session behind it.
+pub struct Window {
+    session: Session,
+    shell: Shell,
+    nothing: Arc<Project>,
+    pictures: Option<Pictures>,
+    pictured: Arc<Vec<Frame>>,
+    engines: Vec<Engine>,
+    recent: Recent,
+    title: String,
+}
+
+const PREFS: &str = "prefs";
+
+impl Window {
+    fn new(cc: &eframe::CreationContext<'_>, path: Option<PathBuf>) -> Self {
+        set_theme(&cc.egui_ctx);
+        let prefs: Prefs = cc.storage.and_then(|storage| eframe::get_value(storage, PREFS)).unwrap_or_default();
+        let mut window = Self::with(Shell::new(prefs, cc.wgpu_render_state.as_ref()), &cc.egui_ctx);
+        window.begin_with(path);
+        window
+    }
+
+    /// A window around a shell, with nothing open.
+    #[must_use]
+    pub fn with(shell: Shell, ctx: &Context) -> Self {
+        let mut session = Session::new();
+        let waker = ctx.clone();
+        session.set_waker(move || waker.request_repaint());
+        Self {
+            session,
+            shell,
+            nothing: Arc::default(),
+            pictures: None,
+            pictured: Arc::default(),
+            engines: engines(),
+            recent: Recent::load(),
+            title: String::new(),
+        }
+    }
+
+    /// The session behind the window.
+    #[must_use]
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// What is drawn.
+    pub fn shell(&mut self) -> &mut Shell {
+        &mut self.shell
+    }
+
+    /// Takes in what happened since the last time; quick.
+    pub fn poll(&mut self, ctx: &Context) {
+        for event in self.session.poll() {
+            self.take(event);
+        }
+        self.follow_frames(ctx);
+        let title = self.window_title();
+        if title != self.title {
+            ctx.send_viewport_cmd(ViewportCommand::Title(title.clone()));
+            self.title = title;
+        }
+        self.open_dropped(ctx);
+    }
+
+    /// Draws everything and carries out what the user asked for.
+    pub fn show(&mut self, ui: &mut egui::Ui) {
+        let jobs = self.session.jobs();
+        let project = self.session.project().unwrap_or(&self.nothing);
+        let look = Look {
+            project,
+            root: self.session.root(),
+            cloud: self.session.cloud(),
+            inspected: self.session.inspected(),
+            pictures: self.pictures.as_ref(),
+            jobs: &jobs,
+            engines: &self.engines,
+            undo: self.session.undo_title(),
+            redo: self.session.redo_title(),
+            recent: self.recent.paths(),
+        };
+        let asked = self.shell.ui(ui, &look);
+        let changes = !asked.is_empty();
+        for command in asked {
+            self.act(command);
+        }
+        if let Some(path) = self.shell.view.recipe_to.take() {
+            self.save_recipe(&path);
+        }
+        if changes {
+            ui.ctx().request_repaint();
+        }
+        if !jobs.is_empty() {
+            ui.ctx().request_repaint_after_secs(0.1);
+        }
+    }
+
+    /// Carries out a command; what cannot be done is told.
+    pub fn act(&mut self, command: Command) {
+        if let Err(error) = self.session.act(command) {
+            self.fail(format!("{error:#}"));
+        }
+    }
+
+    fn fail(&mut self, text: String) {
+        self.shell.view.draft.forget_sent();
+        self.shell.view.notices.tell(Severity::Error, text);
+    }
+
+    fn take(&mut self, event: Event) {
+        match event {
+            Event::Opened(path) => {
+                self.shell.project_changed();
+                self.recent.opened(&path);
+            }
+            Event::Inspecting(_) | Event::Closed => self.shell.project_changed(),
+            Event::Failed { error, .. } => self.fail(error),
+            Event::Warning(text) => self.shell.view.notices.tell(Severity::Warning, text),
+            Event::Notice(text) => self.shell.view.note = text,
+            Event::Finished { title, .. } => self.shell.view.note = format!("{title}: done"),
+            Event::Stopped { title, .. } => {
+                self.shell.view.note = format!("{title}: stopped; what was finished is kept");
+            }
+            Event::Started { .. } | Event::Changed | Event::CloudChanged => {}
+        }
+    }
+
+    /// Loads pictures of the frames that are open now; cameras and depths may change without loading anew.
+    fn follow_frames(&mut self, ctx: &Context) {
+        let frames = &self.session.project().unwrap_or(&self.nothing).frames;
+        if Arc::ptr_eq(frames, &self.pictured) {
+            return;
+        }
+        let same = frames.len() == self.pictured.len()
+            && frames.iter().zip(self.pictured.iter()).all(|(a, b)| a.picture == b.picture);
+        if !same {
+            let waker = ctx.clone();
+            let store = Arc::clone(self.session.store());
+            self.pictures = Some(Pictures::of(Arc::clone(frames), store, move || waker.request_repaint()));
+        }
+        self.pictured = Arc::clone(frames);
+    }
+
+    fn window_title(&self) -> String {
+        let open = self.session.root().or(self.session.inspected()).and_then(Path::file_name);
+        open.map_or("OSTRA".into(), |name| format!("{} – OSTRA", name.to_string_lossy()))
+    }
+
+    fn save_recipe(&mut self, path: &Path) {
+        let written = serde_json::to_string_pretty(self.session.recipe())
+            .map_err(anyhow::Error::from)
+            .and_then(|text| Ok(std::fs::write(path, text)?));
+        match written {
+            Ok(()) => self.shell.view.note = format!("Recipe written to {}", path.display()),
+            Err(error) => {
+                self.fail(format!("{}: the recipe cannot be written ({error}); choose another place", path.display()));
+            }
+        }
+    }
+
+    /// Files dropped on the window open as if they were given at the start.
+    fn open_dropped(&mut self, ctx: &Context) {
+        let dropped = ctx.input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
+        self.begin_with(dropped);
+    }
+
+    fn begin_with(&mut self, path: Option<PathBuf>) {
+        let Some(path) = path else { return };
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) {
+            self.act(Command::Inspect(path));
+        } else if path.join("project.toml").is_file() {
+            self.act(Command::Open(path));
+        } else {
+            self.shell.view.new_project = NewProjectForm::with_frames(path.display().to_string());
+            self.shell.view.dialog = Some(Dialog::NewProject);
+        }
+    }
+}
+
+impl eframe::App for Window {
+    fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
+        self.poll(ctx);
+    }
+
+    fn ui(&mut self, ui: &mut egui::Ui, _frame: &mut eframe::Frame) {
+        self.show(ui);
+    }
+
+    fn save(&mut self, storage: &mut dyn eframe::Storage) {
+        eframe::set_value(storage, PREFS, &self.shell.view.prefs);
+    }
+}

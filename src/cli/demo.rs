@@ -1,0 +1,44 @@
+use anyhow::{Context, Result, bail};
+
+use super::args::{DemoArgs, DemoMethod, SceneName};
+use super::drive::ProgressLines;
+use crate::scene::synthetic::{SceneKind, SceneOptions};
+use crate::session::Session;
+use crate::session::demo::{DemoOptions, run_demo};
+use crate::view::{Coloring, ShotOptions, shot, write_png};
+
+pub(super) fn demo(args: &DemoArgs) -> Result<()> {
+    if args.method != DemoMethod::Given {
+        bail!("demo --method {:?} needs an engine that this version does not have yet; use --method given", args.method);
+    }
+    let (width, height) = args.size;
+    let scene = match args.scene {
+        SceneName::Tiller => SceneKind::Tiller,
+        SceneName::Bricks => SceneKind::Bricks,
+    };
+    let scene = SceneOptions { scene, views: args.frames as usize, width, height, seed: args.seed, ..SceneOptions::default() };
+    let mut session = Session::new();
+    let mut lines = ProgressLines::default();
+    let options = DemoOptions { out: args.out.clone(), scene };
+    let report = run_demo(&mut session, &options, &mut |jobs| lines.glance(jobs))?;
+    lines.end();
+    session.save()?;
+    draw(&session, args)?;
+    drop(session);
+    print!("{}", report.table());
+    println!("\nresults in {}: cloud.ply, shot.png, report.json, truth/, project/", args.out.display());
+    if args.headless || !has_display() { Ok(()) } else { crate::app::run(Some(args.out.join("project"))) }
+}
+
+fn draw(session: &Session, args: &DemoArgs) -> Result<()> {
+    let cloud = session.cloud().context("the cloud is missing")?;
+    let project = session.project().context("the project is missing")?;
+    let options = ShotOptions { size: (960, 1280), coloring: Coloring::Label, ..ShotOptions::default() };
+    let picture = shot(&cloud, &project.frames, &options)?;
+    Ok(write_png(&args.out.join("shot.png"), &picture)?)
+}
+
+/// Whether a window can be opened; other systems than X11 and Wayland always have one.
+fn has_display() -> bool {
+    !cfg!(target_os = "linux") || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some_and(|value| !value.is_empty()))
+}

@@ -1,0 +1,144 @@
+use std::io::{IsTerminal, Write};
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, anyhow};
+
+use crate::scene::LabelledCloud;
+use crate::session::{Command, Event, JobView, Project, Session};
+
+/// Ctrl+C was pressed; what was finished is kept.
+#[derive(Debug, Clone, Copy, thiserror::Error)]
+#[error("stopped; what was finished is kept")]
+pub(super) struct Interrupted;
+
+/// A session driven to rest after every command.
+pub(super) struct Driver {
+    session: Session,
+    lines: ProgressLines,
+}
+
+impl Driver {
+    /// A session in which nothing is open.
+    pub(super) fn new() -> Self {
+        Self { session: Session::new(), lines: ProgressLines::default() }
+    }
+
+    /// A session with this project open.
+    pub(super) fn open(root: &Path) -> Result<Self> {
+        let mut driver = Self::new();
+        driver.act(Command::Open(root.to_owned()))?;
+        Ok(driver)
+    }
+
+    /// Carries a command out to its end.
+    pub(super) fn act(&mut self, command: Command) -> Result<()> {
+        self.session.act(command)?;
+        self.settle()
+    }
+
+    /// Carries commands out one after another and saves.
+    pub(super) fn act_and_save(mut self, commands: impl IntoIterator<Item = Command>) -> Result<()> {
+        for command in commands {
+            self.act(command)?;
+        }
+        self.session.save()
+    }
+
+    /// The open project.
+    pub(super) fn project(&self) -> Result<&Project> {
+        self.session.project().map(AsRef::as_ref).context("no project is open")
+    }
+
+    /// The open project's labelled cloud.
+    pub(super) fn cloud(&mut self) -> Result<Arc<LabelledCloud>> {
+        if self.session.cloud().is_none() {
+            self.settle()?;
+        }
+        self.session.cloud().cloned().context("the project has no cloud yet; make one with 'ostra fuse'")
+    }
+
+    fn settle(&mut self) -> Result<()> {
+        let lines = &mut self.lines;
+        let events = self.session.settle(|jobs| lines.glance(jobs));
+        lines.end();
+        report(events)
+    }
+}
+
+/// Tells warnings and notices; the first failure or stop becomes the error.
+fn report(events: Vec<Event>) -> Result<()> {
+    let mut outcome = Ok(());
+    for event in events {
+        match event {
+            Event::Warning(text) => eprintln!("warning: {text}"),
+            Event::Notice(text) => println!("{text}"),
+            Event::Failed { error, .. } if outcome.is_ok() => outcome = Err(anyhow!(error)),
+            Event::Stopped { .. } if outcome.is_ok() => outcome = Err(Interrupted.into()),
+            _ => {}
+        }
+    }
+    outcome
+}
+
+/// One line that is overwritten on a terminal, a plain line every few seconds elsewhere.
+#[derive(Default)]
+pub(super) struct ProgressLines {
+    shown: Option<(String, Instant)>,
+}
+
+impl ProgressLines {
+    /// Shows how far the jobs are; `Break` once Ctrl+C was pressed.
+    pub(super) fn glance(&mut self, jobs: &[JobView]) -> ControlFlow<()> {
+        if let Some(job) = jobs.first() {
+            self.show(job);
+        }
+        if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    /// Clears the line.
+    pub(super) fn end(&mut self) {
+        if self.shown.take().is_some() && std::io::stderr().is_terminal() {
+            eprint!("\r\x1b[2K");
+        }
+    }
+
+    fn show(&mut self, job: &JobView) {
+        let report = &job.report;
+        let stage = if report.stage.is_empty() { &job.title } else { &report.stage };
+        let text = match report.total {
+            0 => format!("{stage} …"),
+            total => format!("{stage} {}/{total}", report.done),
+        };
+        let terminal = std::io::stderr().is_terminal();
+        let pause = if terminal { Duration::from_millis(90) } else { Duration::from_secs(5) };
+        let due = self.shown.as_ref().map_or(job.elapsed >= pause, |(last, at)| *last != text && at.elapsed() >= pause);
+        if due {
+            if terminal {
+                eprint!("\r\x1b[2K{text}");
+                let _ = std::io::stderr().flush();
+            } else {
+                eprintln!("{text}");
+            }
+            self.shown = Some((text, Instant::now()));
+        }
+    }
+}
+
+/// Whether Ctrl+C was pressed since the program began to watch for it; a second press ends the program at once.
+fn interrupted() -> bool {
+    static PRESSED: AtomicBool = AtomicBool::new(false);
+    static WATCHING: OnceLock<bool> = OnceLock::new();
+    WATCHING.get_or_init(|| {
+        ctrlc::set_handler(|| {
+            if PRESSED.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+        })
+        .is_ok()
+    });
+    PRESSED.load(Ordering::Relaxed)
+}

@@ -1,0 +1,111 @@
+use anyhow::{Result, bail};
+use serde::Serialize;
+
+use super::args::{Align, EvalArgs, EvalVerb, InteractArgs};
+use crate::geometry::Alignment;
+use crate::session::evaluate::{
+    CameraScore, CloudEvaluation, MaskScore, ScoreOptions, cloud_table, evaluate_cloud, evaluate_masks, score_cameras,
+};
+
+pub(super) fn eval(verb: EvalVerb) -> Result<()> {
+    match verb {
+        EvalVerb::Masks(args) => masks(&args),
+        EvalVerb::Cloud(args) => cloud(args),
+        EvalVerb::Cameras(args) => cameras(&args),
+        EvalVerb::Interact(args) => interact(&args),
+    }
+}
+
+fn masks(args: &EvalArgs) -> Result<()> {
+    refuse(args, &[("within", !args.within.is_empty()), ("align", args.align != Align::None), ("cameras", args.cameras.is_some())])?;
+    let options = ScoreOptions { skip_first: args.skip_first, level: args.level };
+    let score = evaluate_masks(&args.truth, &args.result, &options)?;
+    warn(&score.warnings);
+    print(args.json, &score, &mask_table(&score))
+}
+
+fn cloud(args: EvalArgs) -> Result<()> {
+    refuse(&args, &[("align", args.align != Align::None), ("skip-first", args.skip_first)])?;
+    let evaluation = CloudEvaluation {
+        within: args.within,
+        level: args.level,
+        cameras: args.cameras.zip(args.min_views),
+    };
+    let (score, warnings) = evaluate_cloud(&args.truth, &args.result, &evaluation)?;
+    warn(&warnings);
+    print(args.json, &score, &cloud_table(&score))
+}
+
+fn cameras(args: &EvalArgs) -> Result<()> {
+    refuse(
+        args,
+        &[
+            ("within", !args.within.is_empty()),
+            ("level", args.level.is_some()),
+            ("cameras", args.cameras.is_some()),
+            ("skip-first", args.skip_first),
+        ],
+    )?;
+    let alignment = match args.align {
+        Align::None => Alignment::None,
+        Align::Se3 => Alignment::Se3,
+        Align::Sim3 => Alignment::Sim3,
+    };
+    let score = score_cameras(&args.truth, &args.result, alignment)?;
+    print(args.json, &score, &camera_table(&score))
+}
+
+fn interact(args: &InteractArgs) -> Result<()> {
+    bail!(
+        "eval interact on {} against {} needs a tracker for frames without geometry ('{}' with segmenter '{}'), which this version does not have yet",
+        args.frames.display(),
+        args.truth.display(),
+        args.tracker,
+        args.segmenter
+    )
+}
+
+/// An option that means nothing here is refused rather than ignored.
+fn refuse(args: &EvalArgs, given: &[(&str, bool)]) -> Result<()> {
+    match given.iter().find(|(_, given)| *given) {
+        Some((option, _)) => bail!("--{option} means nothing for this score of {}; leave it out", args.result.display()),
+        None => Ok(()),
+    }
+}
+
+fn warn(warnings: &[String]) {
+    for text in warnings {
+        eprintln!("warning: {text}");
+    }
+}
+
+fn print(json: bool, score: &impl Serialize, table: &str) -> Result<()> {
+    if json {
+        println!("{}", serde_json::to_string(score)?);
+    } else {
+        print!("{table}");
+    }
+    Ok(())
+}
+
+fn mask_table(score: &MaskScore) -> String {
+    let mut text = format!("{:<24} {:>7} {:>7} {:>7}\n", "label", "J", "F", "J&F");
+    for label in &score.labels {
+        let name = label.name.clone().unwrap_or_else(|| label.id.0.to_string());
+        text += &format!("{name:<24} {:>7.4} {:>7.4} {:>7.4}\n", label.j, label.f, (label.j + label.f) / 2.0);
+    }
+    text + &format!("{:<24} {:>7.4} {:>7.4} {:>7.4}\n{} frames\n", "mean", score.j, score.f, score.jf, score.frames)
+}
+
+fn camera_table(score: &CameraScore) -> String {
+    let error = &score.error;
+    let mut text = format!("{} of {} cameras compared\n", error.count, score.truth);
+    if !score.missing.is_empty() {
+        text += &format!("missing: {}\n", score.missing.join(", "));
+    }
+    text += &format!("{:<12} {:>12} {:>12} {:>12} {:>12}\n", "", "rmse", "mean", "median", "max");
+    for (name, row) in [("centre", &error.centre), ("rotation °", &error.rotation_deg)] {
+        text += &format!("{name:<12} {:>12.6} {:>12.6} {:>12.6} {:>12.6}\n", row.rmse, row.mean, row.median, row.max);
+    }
+    text + &format!("centre rmse is {:.4} % of the extent {:.4}\n", score.centre_percent, error.extent)
+}

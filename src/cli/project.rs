@@ -1,0 +1,103 @@
+use anyhow::{Context, Result, bail};
+
+use super::args::{
+    ExportArgs, FuseArgs, GroundArgs, LabelArgs, MasksArgs, MasksVerb, Method, PromptArgs, ReconstructArgs, TrackArgs, Way,
+};
+use super::drive::Driver;
+use crate::masks::{Click, Direction, Prompt, PxBox};
+use crate::session::{Command, ExportRequest, FuseRequest, PromptRequest, ReconstructMethod, ReconstructRequest, TrackSettings};
+
+pub(super) fn label(args: LabelArgs) -> Result<()> {
+    let command = Command::AddLabel { name: args.name, parent: args.parent, color: args.color };
+    Driver::open(&args.project)?.act_and_save([command])
+}
+
+pub(super) fn prompt(args: &PromptArgs) -> Result<()> {
+    let driver = Driver::open(&args.project)?;
+    let known = &driver.project()?.labels;
+    let label = known.by_name(&args.label).with_context(|| {
+        let names: Vec<&str> = known.iter().map(|label| label.name.as_str()).collect();
+        format!("there is no label '{}' (there is: {}); make it with 'ostra label'", args.label, names.join(", "))
+    })?;
+    let click = |include| move |&at_px| Click { at_px, include };
+    let clicks = args.click.iter().map(click(true)).chain(args.not.iter().map(click(false))).collect();
+    let boxes = args.boxes.iter().map(|&[min_px, max_px]| PxBox { min_px, max_px }).collect();
+    let request = PromptRequest {
+        frame: args.frame,
+        label: label.id,
+        prompt: Prompt { clicks, boxes },
+        segmenter: args.segmenter.clone(),
+    };
+    driver.act_and_save([Command::Prompt(request)])
+}
+
+pub(super) fn ground(args: &GroundArgs) -> Result<()> {
+    Driver::open(&args.project)?;
+    bail!(
+        "grounder '{}' needs a network, and this version cannot run one yet: prompt '{}' on frame {} (boxes above {}) with --click or --box instead",
+        args.grounder,
+        args.text,
+        args.frame,
+        args.threshold
+    )
+}
+
+pub(super) fn masks(args: MasksArgs) -> Result<()> {
+    let (dir, format) = (args.dir, args.format);
+    let command = match args.verb {
+        MasksVerb::Import => Command::ImportMasks { dir, format },
+        MasksVerb::Export => Command::ExportMasks { dir, format },
+    };
+    Driver::open(&args.project)?.act_and_save([command])
+}
+
+pub(super) fn track(args: TrackArgs) -> Result<()> {
+    let direction = match args.direction {
+        Way::Both => Direction::Both,
+        Way::Forward => Direction::Forward,
+        Way::Backward => Direction::Backward,
+    };
+    let settings =
+        TrackSettings { tracker: args.tracker, from: args.from, to: args.to, direction, constrain: args.constrain };
+    Driver::open(&args.project)?.act_and_save([Command::Track(settings)])
+}
+
+pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {
+    let method = match args.method {
+        Method::Auto => ReconstructMethod::Auto,
+        Method::Sfm => ReconstructMethod::Sfm,
+        Method::Mvs => ReconstructMethod::Mvs,
+        Method::Rgbd => ReconstructMethod::Rgbd,
+    };
+    let request = ReconstructRequest { method, every: args.every, device: args.device };
+    Driver::open(&args.project)?.act_and_save([Command::Reconstruct(request)])
+}
+
+pub(super) fn fuse(args: FuseArgs) -> Result<()> {
+    let request = FuseRequest {
+        voxel: args.voxel,
+        min_confidence: args.min_confidence,
+        drop_unlabelled: args.drop_unlabelled,
+        onto: args.onto,
+    };
+    Driver::open(&args.project)?.act_and_save([Command::Fuse(request)])
+}
+
+pub(super) fn export(args: ExportArgs) -> Result<()> {
+    let request = ExportRequest {
+        cloud: args.cloud,
+        mesh: args.mesh,
+        voxels: args.voxels,
+        cameras: args.cameras,
+        masks: args.masks,
+        depths: args.depths,
+        traits: args.traits,
+        level: args.level,
+        twin: args.twin,
+        per_label: args.per_label,
+    };
+    if request == (ExportRequest { level: request.level, twin: request.twin, per_label: request.per_label, ..Default::default() }) {
+        bail!("nothing to export was named; give --cloud, --cameras, --masks, --depths or --traits with a path");
+    }
+    Driver::open(&args.project)?.act_and_save([Command::Export(request)])
+}

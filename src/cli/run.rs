@@ -1,0 +1,80 @@
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use clap::{ArgMatches, CommandFactory, FromArgMatches};
+
+use super::args::{Cli, ModelsVerb, Verb};
+use super::drive::{Driver, Interrupted};
+use super::{demo, eval, info, project, shot, sources};
+use crate::session::{Command, Recipe};
+
+/// The program: reads the words, does the job, gives the exit code (0 done, 1 failed, 2 usage, 130 stopped).
+#[must_use]
+pub fn main() -> ExitCode {
+    let matches = Cli::command().get_matches();
+    let outcome = match Cli::from_arg_matches(&matches) {
+        Ok(cli) => run(cli, &matches),
+        Err(error) => error.exit(),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("ostra: {}", format!("{error:#}").replace('\n', " "));
+            ExitCode::from(if error.is::<Interrupted>() { 130 } else { 1 })
+        }
+    }
+}
+
+fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
+    let Some(verb) = cli.verb else { return crate::app::run(cli.path) };
+    match verb {
+        Verb::Demo(args) => demo::demo(&args),
+        Verb::New(args) => {
+            let new = sources::new_project(args.project, args.sources, of_verb(matches)?)?;
+            Driver::new().act_and_save([Command::New(new)])
+        }
+        Verb::Add(args) => {
+            let new = sources::new_project(args.project.clone(), args.sources, of_verb(matches)?)?;
+            Driver::open(&args.project)?.act_and_save([Command::AddFrames(new)])
+        }
+        Verb::Label(args) => project::label(args),
+        Verb::Prompt(args) => project::prompt(&args),
+        Verb::Ground(args) => project::ground(&args),
+        Verb::Masks(args) => project::masks(args),
+        Verb::Track(args) => project::track(args),
+        Verb::Reconstruct(args) => project::reconstruct(args),
+        Verb::Fuse(args) => project::fuse(args),
+        Verb::Export(args) => project::export(args),
+        Verb::Shot(args) => shot::shot(&args),
+        Verb::Info(args) => info::info(&args),
+        Verb::Eval(verb) => eval::eval(verb),
+        Verb::Models(verb) => models(&verb),
+        Verb::Run { recipe } => run_recipe(&recipe),
+    }
+}
+
+fn of_verb(matches: &ArgMatches) -> Result<&ArgMatches> {
+    Ok(matches.subcommand().context("no command was given")?.1)
+}
+
+fn run_recipe(path: &Path) -> Result<()> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("{}: cannot be read; check the path", path.display()))?;
+    let recipe: Recipe =
+        serde_json::from_str(&text).with_context(|| format!("{}: is no recipe; save one from the window", path.display()))?;
+    if recipe.format != 1 {
+        bail!("{}: the recipe has format {}, this program knows 1; get a newer ostra", path.display(), recipe.format);
+    }
+    Driver::new().act_and_save(recipe.commands)
+}
+
+fn models(verb: &ModelsVerb) -> Result<()> {
+    let asked: PathBuf = match verb {
+        ModelsVerb::List => "the list".into(),
+        ModelsVerb::Install { name } | ModelsVerb::Add { name, .. } | ModelsVerb::Check { name } => name.into(),
+    };
+    bail!(
+        "{}: networks need the ONNX Runtime engine, which this version does not have yet; use the built-in segmenter and the geometry tracker",
+        asked.display()
+    )
+}

@@ -1,0 +1,85 @@
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+/// A slot for one value between threads, in which the newest wins: a value that nobody took is replaced.
+#[derive(Debug)]
+pub struct Latest<T> {
+    slot: Mutex<Slot<T>>,
+    changed: Condvar,
+}
+
+#[derive(Debug)]
+struct Slot<T> {
+    value: Option<T>,
+    closed: bool,
+}
+
+impl<T> Default for Latest<T> {
+    fn default() -> Self {
+        Self { slot: Mutex::new(Slot { value: None, closed: false }), changed: Condvar::new() }
+    }
+}
+
+impl<T> Latest<T> {
+    /// Puts a value in; returns the one it replaces.
+    pub fn put(&self, value: T) -> Option<T> {
+        let old = self.lock().value.replace(value);
+        self.changed.notify_one();
+        old
+    }
+
+    /// Takes the value if there is one; never waits.
+    pub fn take(&self) -> Option<T> {
+        self.lock().value.take()
+    }
+
+    /// Waits for a value and takes it; `None` once the slot is closed.
+    pub fn wait(&self) -> Option<T> {
+        let mut slot = self.lock();
+        loop {
+            if slot.closed {
+                return None;
+            }
+            if let Some(value) = slot.value.take() {
+                return Some(value);
+            }
+            slot = self.changed.wait(slot).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Ends all waiting, now and later.
+    pub fn close(&self) {
+        self.lock().closed = true;
+        self.changed.notify_all();
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Slot<T>> {
+        self.slot.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_newest_wins() {
+        let latest = Latest::default();
+        assert_eq!(latest.put(1), None);
+        assert_eq!(latest.put(2), Some(1));
+        assert_eq!((latest.take(), latest.take()), (Some(2), None));
+    }
+
+    #[test]
+    fn waiting_ends_with_a_value_or_when_closed() {
+        let latest = Latest::default();
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| (latest.wait(), latest.wait()));
+            latest.put(3);
+            while latest.lock().value.is_some() {
+                std::thread::yield_now();
+            }
+            latest.close();
+            assert_eq!(waiting.join().unwrap(), (Some(3), None));
+        });
+    }
+}

@@ -1,0 +1,139 @@
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+
+/// Loads things by key on worker threads; the latest list of wishes replaces the one before, so that what nobody
+/// looks at any more is never loaded.
+pub struct Loader<K, V> {
+    wishes: Arc<Wishes<K>>,
+    done: Mutex<Receiver<(K, V)>>,
+}
+
+struct Wishes<K> {
+    state: Mutex<State<K>>,
+    changed: Condvar,
+}
+
+struct State<K> {
+    wanted: Vec<K>,
+    running: Vec<K>,
+    closed: bool,
+}
+
+impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
+    /// Starts `threads` workers called `name`. `notify` is called after each finished load, on the worker's thread.
+    #[must_use]
+    pub fn new(
+        name: &str,
+        threads: usize,
+        load: impl Fn(&K) -> V + Send + Sync + 'static,
+        notify: impl Fn() + Send + Sync + 'static,
+    ) -> Self {
+        let state = State { wanted: Vec::new(), running: Vec::new(), closed: false };
+        let wishes = Arc::new(Wishes { state: Mutex::new(state), changed: Condvar::new() });
+        let work = Arc::new((load, notify));
+        let (sender, done) = channel();
+        for _ in 0..threads.max(1) {
+            let (wishes, work, sender) = (Arc::clone(&wishes), Arc::clone(&work), sender.clone());
+            // Without a thread nothing is loaded; the window then shows empty pictures but goes on.
+            let _ =
+                std::thread::Builder::new().name(name.into()).spawn(move || serve(&wishes, &work.0, &work.1, &sender));
+        }
+        Self { wishes, done: Mutex::new(done) }
+    }
+
+    /// Replaces the list of wishes, first wish first. What is being loaded now goes on and is not begun twice.
+    pub fn want(&self, keys: Vec<K>) {
+        let mut state = self.wishes.lock();
+        state.wanted = keys.into_iter().filter(|key| !state.running.contains(key)).collect();
+        drop(state);
+        self.wishes.changed.notify_all();
+    }
+
+    /// What was finished since the last call.
+    pub fn take_done(&self) -> Vec<(K, V)> {
+        self.done.lock().unwrap_or_else(PoisonError::into_inner).try_iter().collect()
+    }
+}
+
+impl<K, V> Drop for Loader<K, V> {
+    fn drop(&mut self) {
+        let mut state = self.wishes.lock();
+        state.closed = true;
+        state.wanted.clear();
+        drop(state);
+        self.wishes.changed.notify_all();
+    }
+}
+
+impl<K> Wishes<K> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, State<K>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn serve<K: Clone + PartialEq, V>(
+    wishes: &Wishes<K>,
+    load: &impl Fn(&K) -> V,
+    notify: &impl Fn(),
+    done: &Sender<(K, V)>,
+) {
+    while let Some(key) = next(wishes) {
+        let value = load(&key);
+        wishes.lock().running.retain(|other| *other != key);
+        if done.send((key, value)).is_err() {
+            return;
+        }
+        notify();
+    }
+}
+
+fn next<K: Clone>(wishes: &Wishes<K>) -> Option<K> {
+    let mut state = wishes.lock();
+    loop {
+        if state.closed {
+            return None;
+        }
+        if !state.wanted.is_empty() {
+            let key = state.wanted.remove(0);
+            state.running.push(key.clone());
+            return Some(key);
+        }
+        state = wishes.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::sync_channel;
+    use std::time::Duration;
+
+    #[test]
+    fn newest_wishes_win() {
+        let (begin, begun) = sync_channel::<u32>(0);
+        let (go, gate) = sync_channel::<()>(0);
+        let gate = Mutex::new(gate);
+        let (told, notified) = channel();
+        let loader = Loader::new(
+            "test",
+            1,
+            move |&key: &u32| {
+                begin.send(key).unwrap();
+                gate.lock().unwrap().recv().unwrap();
+                key * 10
+            },
+            move || told.send(()).unwrap(),
+        );
+        loader.want(vec![1, 2, 3]);
+        assert_eq!(begun.recv().unwrap(), 1);
+        loader.want(vec![1, 7]);
+        go.send(()).unwrap();
+        assert_eq!(begun.recv().unwrap(), 7, "2 and 3 are no longer wanted, 1 is not begun twice");
+        go.send(()).unwrap();
+        for _ in 0..2 {
+            notified.recv_timeout(Duration::from_secs(5)).unwrap();
+        }
+        assert_eq!(loader.take_done(), [(1, 10), (7, 70)]);
+        assert!(loader.take_done().is_empty());
+    }
+}

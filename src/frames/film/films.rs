@@ -1,0 +1,153 @@
+use std::path::{Path, PathBuf};
+use std::sync::{Condvar, LazyLock, Mutex, MutexGuard, PoisonError};
+
+use super::decoder::{Decoder, Start};
+use super::programs::Programs;
+use crate::frames::{FrameError, Image};
+
+/// How many ffmpeg processes run at once: one for each thread that goes through a part of a film, within these bounds.
+const DECODERS: std::ops::RangeInclusive<usize> = 4..=16;
+
+/// A running decoder is read on over at most so many pictures; farther ahead, a new start is faster.
+const MAX_SKIP: u64 = 60;
+
+/// Bytes of pictures that all decoders together may decode ahead (each at least one picture).
+const AHEAD_BYTES: usize = 64 << 20;
+
+/// How many decoders this machine may run.
+static MAX_DECODERS: LazyLock<usize> = LazyLock::new(|| {
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    cores.clamp(*DECODERS.start(), *DECODERS.end())
+});
+
+/// The films being read: a few running decoders, each of which goes on from where it is.
+#[derive(Debug, Default)]
+pub(in crate::frames) struct Films {
+    programs: Programs,
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    slots: Vec<Slot>,
+    clock: u64,
+}
+
+/// One decoder, or the place of one that a thread is reading from.
+#[derive(Debug)]
+struct Slot {
+    id: u64,
+    film: PathBuf,
+    /// The picture that comes next, once the read under way is done.
+    next: u64,
+    used: u64,
+    /// `None` while a thread reads from it.
+    decoder: Option<Decoder>,
+}
+
+impl Films {
+    /// Decodes picture `index` of a film, which is at `time_s` from its start and about `bytes` large.
+    pub fn read(&self, film: &Path, index: u64, time_s: f64, bytes: usize) -> Result<Image, FrameError> {
+        let mut lease = self.lease(film, index);
+        let (mut decoder, mut next) = match lease.decoder.take() {
+            Some(running) => running,
+            None => {
+                let ahead = (AHEAD_BYTES / *MAX_DECODERS / bytes.max(1)).clamp(1, 16);
+                (Decoder::start(&self.programs, film, Start { index, time_s, ahead })?, index)
+            }
+        };
+        loop {
+            let image = decoder.next().map_err(|why| no_picture(film, next, &why))?;
+            next += 1;
+            if next > index {
+                lease.decoder = Some((decoder, next));
+                return Ok(image);
+            }
+        }
+    }
+
+    /// Waits for the right to read the picture: with a decoder that comes to it soon, or with none.
+    fn lease(&self, film: &Path, index: u64) -> Lease<'_> {
+        let mut state = self.lock();
+        loop {
+            match state.slot_for(film, index) {
+                Some(at) => {
+                    let slot = &mut state.slots[at];
+                    if let Some(decoder) = slot.decoder.take() {
+                        let decoder = Some((decoder, slot.next));
+                        slot.next = index + 1;
+                        return Lease { films: self, id: slot.id, decoder };
+                    }
+                }
+                None => {
+                    if let Some((id, ended)) = state.new_slot(film, index) {
+                        drop(state);
+                        drop(ended); // ending a process takes time
+                        return Lease { films: self, id, decoder: None };
+                    }
+                }
+            }
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    /// The slot whose decoder comes to the picture soonest.
+    fn slot_for(&self, film: &Path, index: u64) -> Option<usize> {
+        let soon = |slot: &Slot| slot.film == film && slot.next <= index && index - slot.next <= MAX_SKIP;
+        let fitting = self.slots.iter().enumerate().filter(|(_, slot)| soon(slot));
+        fitting.max_by_key(|(_, slot)| (slot.next, slot.decoder.is_some())).map(|(at, _)| at)
+    }
+
+    /// A place for a new decoder and the one that had to go for it; `None` when all are being read from.
+    fn new_slot(&mut self, film: &Path, index: u64) -> Option<(u64, Option<Slot>)> {
+        let mut ended = None;
+        if self.slots.len() >= *MAX_DECODERS {
+            let idle = self.slots.iter().enumerate().filter(|(_, slot)| slot.decoder.is_some());
+            let oldest = idle.min_by_key(|(_, slot)| slot.used).map(|(at, _)| at)?;
+            ended = Some(self.slots.swap_remove(oldest));
+        }
+        self.clock += 1;
+        let id = self.clock;
+        self.slots.push(Slot { id, film: film.into(), next: index + 1, used: id, decoder: None });
+        Some((id, ended))
+    }
+}
+
+/// The right of one thread to read from one decoder. It goes back to its slot; when it is lost, so is the slot.
+struct Lease<'a> {
+    films: &'a Films,
+    id: u64,
+    /// A running decoder and the number of the picture that it gives next.
+    decoder: Option<(Decoder, u64)>,
+}
+
+impl Drop for Lease<'_> {
+    fn drop(&mut self) {
+        let mut state = self.films.lock();
+        state.clock += 1;
+        let now = state.clock;
+        if let Some(at) = state.slots.iter().position(|slot| slot.id == self.id) {
+            match self.decoder.take() {
+                Some((decoder, _)) => (state.slots[at].decoder, state.slots[at].used) = (Some(decoder), now),
+                None => drop(state.slots.swap_remove(at)),
+            }
+        }
+        drop(state);
+        self.films.changed.notify_all();
+    }
+}
+
+fn no_picture(film: &Path, index: u64, why: &str) -> FrameError {
+    let what = format!(
+        "ffmpeg gives no picture {index} ({why}); the film is damaged or was changed: put the earlier file back or open \
+         the frames anew"
+    );
+    FrameError::Invalid { path: film.into(), what }
+}

@@ -1,0 +1,95 @@
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use super::source::{Item, Origin};
+use crate::engine::job::Progress;
+use crate::frames::decode::not_depth;
+use crate::frames::header::{Header, read_header};
+use crate::frames::{DepthSource, Frame, FrameError, Orientation, PictureSource};
+
+/// How many frames a warning names.
+const NAMED: usize = 3;
+
+/// Makes frames of listed pictures from their headers, read in parallel; warnings tell what looks odd.
+pub(super) fn read_frames(
+    items: &[Item],
+    depth_unit: f64,
+    progress: &Progress,
+) -> Result<(Vec<Frame>, Vec<String>), FrameError> {
+    let done = AtomicUsize::new(0);
+    let read = items.par_iter().map(|item| {
+        progress.step(done.fetch_add(1, Ordering::Relaxed), items.len())?;
+        frame_of(item, depth_unit)
+    });
+    let read: Vec<Result<(Frame, bool), FrameError>> = read.collect(); // so that the first error is always the same
+    let read: Vec<(Frame, bool)> = read.into_iter().collect::<Result<_, _>>()?;
+    let warnings = [warn_of_missing_depth(&read), warn_of_depth_as_pictures(&read)].into_iter().flatten().collect();
+    Ok((read.into_iter().map(|(frame, _)| frame).collect(), warnings))
+}
+
+/// A frame and whether its picture is one channel of 16 bits.
+fn frame_of(item: &Item, depth_unit: f64) -> Result<(Frame, bool), FrameError> {
+    let (picture, header) = match &item.origin {
+        Origin::File(path) => {
+            let header = read_header(path)?;
+            (PictureSource::File { path: path.clone(), orientation: header.orientation }, header)
+        }
+        Origin::Film(source, (width, height)) => {
+            let orientation = Orientation::default();
+            (source.clone(), Header { width: *width, height: *height, orientation, grey16: false })
+        }
+    };
+    let orientation = header.orientation;
+    let (width, height) = orientation.shown_size(header.width, header.height);
+    let depth = item.depth.as_ref().map(|path| {
+        check_depth(path, picture.path(), header)?;
+        Ok::<_, FrameError>(DepthSource { path: path.clone(), unit: depth_unit, orientation })
+    });
+    let depth = depth.transpose()?;
+    Ok((Frame { name: item.name.clone(), width, height, picture, depth, camera: None }, header.grey16))
+}
+
+fn check_depth(path: &Path, picture_path: &Path, picture: Header) -> Result<(), FrameError> {
+    let depth = read_header(path)?;
+    if !depth.grey16 {
+        return Err(not_depth(path));
+    }
+    if (depth.width, depth.height) == (picture.width, picture.height) {
+        return Ok(());
+    }
+    let what = format!(
+        "depth of {} × {} pixels does not fit its picture {} of {} × {}; give depth registered to the colour camera, \
+         pixel for pixel",
+        depth.width,
+        depth.height,
+        picture_path.display(),
+        picture.width,
+        picture.height
+    );
+    Err(FrameError::Invalid { path: path.into(), what })
+}
+
+fn warn_of_missing_depth(read: &[(Frame, bool)]) -> Option<String> {
+    let without: Vec<&Frame> = read.iter().map(|(frame, _)| frame).filter(|frame| frame.depth.is_none()).collect();
+    if without.is_empty() || without.len() == read.len() {
+        return None;
+    }
+    Some(format!("{} of {} frames have no depth: {}", without.len(), read.len(), some_names(&without)))
+}
+
+fn warn_of_depth_as_pictures(read: &[(Frame, bool)]) -> Option<String> {
+    let grey: Vec<&Frame> = read.iter().filter(|(_, grey16)| *grey16).map(|(frame, _)| frame).collect();
+    if grey.is_empty() {
+        return None;
+    }
+    let (count, names) = (grey.len(), some_names(&grey));
+    Some(format!("{count} frames are grey pictures of 16 bits ({names}); if they are depth, give them with --depth"))
+}
+
+fn some_names(frames: &[&Frame]) -> String {
+    let names: Vec<&str> = frames.iter().take(NAMED).map(|frame| frame.name.as_str()).collect();
+    let more = if frames.len() > NAMED { ", …" } else { "" };
+    format!("{}{more}", names.join(", "))
+}

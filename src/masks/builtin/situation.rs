@@ -1,0 +1,136 @@
+//! One click on the wrong side of an answer: what may change, and the distances that matter.
+
+use super::appearance::Palette;
+use super::energy::Role;
+use super::geodesic::distances;
+use super::graph::{Edge, RegionGraph};
+use crate::masks::Click;
+
+/// What a click finds.
+pub(super) struct Situation<'a> {
+    pub graph: &'a RegionGraph,
+    pub palette: &'a Palette,
+    /// All clicks with their regions; the last is the one to answer.
+    pub clicks: &'a [(Click, u32)],
+    /// The answer so far.
+    pub inside: &'a [bool],
+    /// Every region's part in the cut: the clicked one is the only seed.
+    pub roles: Vec<Role>,
+    /// The clicked region.
+    pub seed: u32,
+    /// Whether the click includes.
+    pub include: bool,
+    /// Distance of each region to the click, pixels.
+    pub apart: Vec<f32>,
+    /// Geodesic distance of each region to the clicks of the other side and the picture's rim.
+    pub far: Vec<f32>,
+    /// Distance from the click to what is on its side already: how deep the part to change can be, pixels.
+    pub reach: f32,
+    /// Pixels in the answer so far.
+    pub area: f32,
+}
+
+/// How much farther than the clicks of the other side the picture's rim counts in geodesic distances, pixels.
+const RIM_LEAD: f32 = 20.0;
+
+impl<'a> Situation<'a> {
+    /// The situation of the last of `clicks`; regions that are `closed` may not change.
+    pub fn new(
+        graph: &'a RegionGraph,
+        palette: &'a Palette,
+        clicks: &'a [(Click, u32)],
+        inside: &'a [bool],
+        closed: &[bool],
+    ) -> Option<Self> {
+        let &(click, seed) = clicks.last()?;
+        let include = click.include;
+        let role = |at: usize| match () {
+            () if closed[at] => Role::Wall,
+            () if inside[at] == include => Role::Joined,
+            () => Role::Open,
+        };
+        let mut roles: Vec<Role> = (0..graph.region_count()).map(role).collect();
+        let opposite = || clicks.iter().filter(|(other, _)| other.include != include).map(|&(_, region)| region);
+        for region in opposite().filter(|&region| roles[region as usize] == Role::Open).collect::<Vec<_>>() {
+            roles[region as usize] = Role::Wall;
+        }
+        roles[seed as usize] = Role::Seed;
+        let (x, y) = (click.at_px.x as f32, click.at_px.y as f32);
+        let apart: Vec<f32> = graph.regions.iter().map(|region| (region.at[0] - x).hypot(region.at[1] - y)).collect();
+        let mut sources: Vec<(u32, f32)> = opposite().map(|region| (region, 0.0)).collect();
+        if include {
+            let at_rim = |at: &usize| graph.regions[*at].rim > 0.0 && roles[*at] == Role::Open;
+            sources.extend((0..roles.len()).filter(at_rim).map(|at| (at as u32, RIM_LEAD)));
+        }
+        let far = distances(graph, &sources, |edge| step_cost(graph, edge)).to;
+        let widest = 0.45 * graph.width.min(graph.height) as f32;
+        let joined = roles.iter().zip(&apart).filter(|(role, _)| **role == Role::Joined);
+        let reach = joined.map(|(_, &apart)| apart).fold(widest, f32::min).max(4.0);
+        let area =
+            inside.iter().zip(&graph.regions).map(|(&inside, region)| if inside { region.area } else { 0.0 }).sum();
+        Some(Self { graph, palette, clicks, inside, roles, seed, include, apart, far, reach, area })
+    }
+
+    /// Whether a region may change.
+    pub fn is_open(&self, region: usize) -> bool {
+        matches!(self.roles[region], Role::Open | Role::Seed)
+    }
+
+    /// Geodesic distance of each region to the nearest of `sources`, through open regions alone.
+    pub fn near(&self, sources: &[u32]) -> Vec<f32> {
+        let sources: Vec<(u32, f32)> = sources.iter().map(|&region| (region, 0.0)).collect();
+        let cost = |edge: &Edge| {
+            let open = self.is_open(edge.a as usize) && self.is_open(edge.b as usize);
+            if open { step_cost(self.graph, edge) } else { f32::INFINITY }
+        };
+        distances(self.graph, &sources, cost).to
+    }
+
+    /// The connected part of `change` that holds the clicked region, its small holes filled.
+    pub fn around_seed(&self, change: &[bool]) -> Vec<bool> {
+        const LARGEST_HOLE_PX: f32 = 600.0;
+        let mut kept = vec![false; change.len()];
+        self.flood(self.seed, &mut kept, |at| change[at]);
+        let mut seen = kept.clone();
+        for start in 0..change.len() {
+            if seen[start] || self.roles[start] != Role::Open {
+                continue;
+            }
+            let part = self.flood(start as u32, &mut seen, |at| !kept[at] && self.roles[at] == Role::Open);
+            let area: f32 = part.iter().map(|&at| self.graph.regions[at as usize].area).sum();
+            if area < LARGEST_HOLE_PX && part.iter().all(|&at| self.is_enclosed(at as usize, &kept)) {
+                part.iter().for_each(|&at| kept[at as usize] = true);
+            }
+        }
+        kept
+    }
+
+    /// Whether a region touches neither the rim nor a region that cannot change.
+    fn is_enclosed(&self, region: usize, kept: &[bool]) -> bool {
+        let neighbours = self.graph.neighbours(region);
+        self.graph.regions[region].rim == 0.0
+            && neighbours.iter().all(|&(to, _)| kept[to as usize] || self.is_open(to as usize))
+    }
+
+    /// All regions reachable from `start` through `inside`, marked in `seen`.
+    fn flood(&self, start: u32, seen: &mut [bool], inside: impl Fn(usize) -> bool) -> Vec<u32> {
+        let mut reached = vec![start];
+        seen[start as usize] = true;
+        let mut next = 0;
+        while let Some(&at) = reached.get(next) {
+            next += 1;
+            for &(to, _) in self.graph.neighbours(at as usize) {
+                if !seen[to as usize] && inside(to as usize) {
+                    seen[to as usize] = true;
+                    reached.push(to);
+                }
+            }
+        }
+        reached
+    }
+}
+
+/// Geodesic length of stepping over an edge: the way itself and, much more, the chance that an object ends there.
+fn step_cost(graph: &RegionGraph, edge: &Edge) -> f32 {
+    0.3 * graph.apart(edge) + 120.0 * (edge.strength - 0.2).max(0.0).powi(2)
+}

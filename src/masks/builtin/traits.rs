@@ -1,0 +1,142 @@
+//! What is measured of a candidate, for the choice among them.
+
+use super::candidates::Candidate;
+use super::energy::{Role, border_price};
+use super::geodesic::distances;
+use super::graph::Edge;
+use super::situation::Situation;
+
+/// Number of traits.
+pub(super) const TRAITS: usize = 15;
+
+/// Traits of a candidate; see [`traits_of`] for their order.
+pub(super) type Traits = [f32; TRAITS];
+
+/// The place of the agreement with the other candidates in [`Traits`]; it can only be told once all are there.
+const AGREEMENT: usize = 11;
+
+/// Sums along the border of a change.
+#[derive(Default)]
+struct BorderSums {
+    /// Pixel sides along regions that stay.
+    length: f32,
+    price: f32,
+    weak: f32,
+    /// Leaning of the regions just outside.
+    ring: f32,
+    /// Pixel sides along regions that are on the click's side already.
+    joined: f32,
+    /// Pixel sides on the picture's rim.
+    rim: f32,
+}
+
+/// Measures a change: mean price of its border, ln area, ln(deepest / depth of the click), ln(depth of the click /
+/// depth possible), weak share of the border, share along joined regions, share on the rim, mean leaning inside,
+/// just outside, perimeter / √area, ln(farthest / depth of the click), agreement (0 until all candidates are there),
+/// ln(area / answer so far), that times ln of the number of clicks, share nearer to a click of the other side.
+pub(super) fn traits_of(situation: &Situation<'_>, change: &[bool], leaning: &[f32]) -> Traits {
+    let graph = situation.graph;
+    let sums = border_sums(situation, change, leaning);
+    let changed = || (0..change.len()).filter(|&at| change[at]);
+    let area = changed().map(|at| graph.regions[at].area).sum::<f32>().max(1.0);
+    let depth = depths(situation, change);
+    let at_click = depth[situation.seed as usize].max(2.0);
+    let deepest = changed().map(|at| depth[at]).filter(|depth| depth.is_finite()).fold(at_click, f32::max);
+    let farthest = changed().map(|at| situation.apart[at]).fold(1.0f32, f32::max);
+    let outer = (sums.length + sums.rim).max(1.0);
+    let whole = (outer + sums.joined).max(1.0);
+    let inner_leaning = changed().map(|at| leaning[at] * graph.regions[at].area).sum::<f32>() / area;
+    let against_answer = (area / situation.area.max(100.0)).ln();
+    [
+        (sums.price + 0.25 * sums.rim) / outer,
+        area.ln(),
+        (deepest / at_click).ln(),
+        (at_click / situation.reach).ln(),
+        sums.weak / outer,
+        sums.joined / whole,
+        sums.rim / whole,
+        inner_leaning,
+        sums.ring / sums.length.max(1.0),
+        whole / area.sqrt(),
+        (farthest / at_click).ln(),
+        0.0,
+        against_answer,
+        against_answer * (situation.clicks.len() as f32).ln(),
+        changed().filter(|&at| is_nearer_opposite(situation, at)).map(|at| graph.regions[at].area).sum::<f32>() / area,
+    ]
+}
+
+fn border_sums(situation: &Situation<'_>, change: &[bool], leaning: &[f32]) -> BorderSums {
+    const WEAK: f32 = 0.35;
+    let graph = situation.graph;
+    let mut sums = BorderSums::default();
+    for edge in &graph.edges {
+        let (a, b) = (edge.a as usize, edge.b as usize);
+        if change[a] == change[b] {
+            continue;
+        }
+        let outside = if change[a] { b } else { a };
+        if situation.roles[outside] == Role::Joined {
+            sums.joined += edge.length;
+        } else {
+            sums.length += edge.length;
+            sums.price += edge.length * border_price(edge);
+            sums.weak += if edge.strength < WEAK { edge.length } else { 0.0 };
+            sums.ring += edge.length * leaning[outside];
+        }
+    }
+    sums.rim = graph.regions.iter().zip(change).map(|(region, &change)| if change { region.rim } else { 0.0 }).sum();
+    sums
+}
+
+/// About how deep each changed region lies inside the change, pixels.
+fn depths(situation: &Situation<'_>, change: &[bool]) -> Vec<f32> {
+    let graph = situation.graph;
+    let half_width = |at: u32| (at, 0.5 * graph.regions[at as usize].area.sqrt());
+    let at_border = graph.edges.iter().filter(|edge| change[edge.a as usize] != change[edge.b as usize]);
+    let mut border: Vec<(u32, f32)> =
+        at_border.map(|edge| half_width(if change[edge.a as usize] { edge.a } else { edge.b })).collect();
+    let at_rim = (0..change.len()).filter(|&at| change[at] && graph.regions[at].rim > 0.0);
+    border.extend(at_rim.map(|at| half_width(at as u32)));
+    let cost = |edge: &Edge| {
+        if change[edge.a as usize] && change[edge.b as usize] { graph.apart(edge) } else { f32::INFINITY }
+    };
+    distances(graph, &border, cost).to
+}
+
+fn is_nearer_opposite(situation: &Situation<'_>, region: usize) -> bool {
+    let [x, y] = situation.graph.regions[region].at;
+    let nearest = |include: bool| {
+        let of_side = situation.clicks.iter().filter(move |(click, _)| click.include == include);
+        of_side
+            .map(|(click, _)| (click.at_px.x as f32 - x).hypot(click.at_px.y as f32 - y))
+            .fold(f32::INFINITY, f32::min)
+    };
+    nearest(!situation.include) < nearest(situation.include)
+}
+
+/// Sets each candidate's mean IoU with the others.
+pub(super) fn agreement(situation: &Situation<'_>, candidates: &mut [Candidate]) {
+    let areas: Vec<f32> = situation.graph.regions.iter().map(|region| region.area).collect();
+    let mut sums = vec![0.0; candidates.len()];
+    for a in 0..candidates.len() {
+        for b in a + 1..candidates.len() {
+            let shared = iou(&candidates[a].change, &candidates[b].change, &areas);
+            sums[a] += shared;
+            sums[b] += shared;
+        }
+    }
+    let others = (candidates.len().max(2) - 1) as f32;
+    for (candidate, sum) in candidates.iter_mut().zip(sums) {
+        candidate.traits[AGREEMENT] = sum / others;
+    }
+}
+
+fn iou(a: &[bool], b: &[bool], areas: &[f32]) -> f32 {
+    let (mut both, mut any) = (0.0, 0.0);
+    for ((&a, &b), &area) in a.iter().zip(b).zip(areas) {
+        both += if a && b { area } else { 0.0 };
+        any += if a || b { area } else { 0.0 };
+    }
+    both / f32::max(any, 1.0)
+}

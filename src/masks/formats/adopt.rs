@@ -1,0 +1,132 @@
+use std::collections::BTreeMap;
+
+use crate::masks::{Label, LabelId, LabelTree, MaskError};
+
+/// The labels of files brought into a project's tree: those known by name are taken as they are, others are added.
+pub(super) struct Adoption {
+    tree: LabelTree,
+    added: Vec<LabelId>,
+    /// Ids that stand as numbers in the files: no label that gets a fresh id may take one of them.
+    reserved: LabelId,
+}
+
+/// A label as a file describes it.
+pub(super) struct Newcomer<'a> {
+    pub name: &'a str,
+    /// The id it would like to keep, where that is free.
+    pub id: Option<LabelId>,
+    pub parent: Option<LabelId>,
+    pub color: Option<[u8; 3]>,
+}
+
+impl Adoption {
+    /// Starts from a project's tree; `reserved` is the highest id that stands as a number in the files.
+    pub(super) fn new(tree: &LabelTree, reserved: LabelId) -> Self {
+        Self { tree: tree.clone(), added: Vec::new(), reserved }
+    }
+
+    /// The tree with all that was added.
+    pub(super) fn tree(&self) -> &LabelTree {
+        &self.tree
+    }
+
+    /// The label for an id that stands as a number; one named after the number where the project has none.
+    pub(super) fn number(&mut self, id: LabelId) -> Result<LabelId, MaskError> {
+        if id == LabelId::NONE || self.tree.get(id).is_some() {
+            return Ok(id);
+        }
+        let mut name = id.0.to_string();
+        while self.tree.by_name(&name).is_some() {
+            name.insert(0, '#');
+        }
+        self.add(Label { id, name, color: LabelTree::color_for(id), parent: None })
+    }
+
+    /// The project's label of that name, or a new one.
+    pub(super) fn named(&mut self, newcomer: &Newcomer<'_>) -> Result<LabelId, MaskError> {
+        if let Some(known) = self.tree.by_name(newcomer.name) {
+            return Ok(known.id);
+        }
+        let wish = newcomer.id.filter(|&id| id != LabelId::NONE && self.tree.get(id).is_none());
+        let id = wish.unwrap_or_else(|| self.fresh_id());
+        let color = newcomer.color.unwrap_or_else(|| LabelTree::color_for(id));
+        self.add(Label { id, name: newcomer.name.to_owned(), color, parent: newcomer.parent })
+    }
+
+    /// All labels of another tree, parents first; returns which id each has now.
+    pub(super) fn tree_of(&mut self, other: &LabelTree) -> Result<BTreeMap<LabelId, LabelId>, MaskError> {
+        let mut ids = BTreeMap::new();
+        let tops: Vec<LabelId> = other.children(None).map(|label| label.id).collect();
+        let all = tops.into_iter().flat_map(|top| std::iter::once(top).chain(other.descendants(top)));
+        for label in all.filter_map(|id| other.get(id)) {
+            let parent = label.parent.and_then(|parent| ids.get(&parent).copied());
+            let newcomer = Newcomer { name: &label.name, id: Some(label.id), parent, color: Some(label.color) };
+            ids.insert(label.id, self.named(&newcomer)?);
+        }
+        Ok(ids)
+    }
+
+    /// The labels that were added, each after its parent.
+    pub(super) fn into_added(self) -> Vec<Label> {
+        self.added.iter().filter_map(|&id| self.tree.get(id).cloned()).collect()
+    }
+
+    fn fresh_id(&self) -> LabelId {
+        let above = LabelId(self.reserved.0.saturating_add(1)).max(self.tree.next_id());
+        if self.tree.get(above).is_none() { above } else { self.tree.next_id() }
+    }
+
+    fn add(&mut self, label: Label) -> Result<LabelId, MaskError> {
+        let id = label.id;
+        self.tree.set(label)?;
+        self.added.push(id);
+        Ok(id)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tree(labels: &[(u16, &str, Option<u16>)]) -> LabelTree {
+        let label = |&(id, name, parent): &(u16, &str, Option<u16>)| Label {
+            id: LabelId(id),
+            name: name.into(),
+            color: [id as u8; 3],
+            parent: parent.map(LabelId),
+        };
+        labels.iter().map(label).collect::<Vec<_>>().try_into().unwrap()
+    }
+
+    #[test]
+    fn names_decide_and_numbers_are_left_alone() {
+        let project = tree(&[(1, "leaf", None), (7, "stem", None)]);
+        let file = tree(&[(1, "grain", Some(2)), (2, "panicle", None), (3, "stem", None)]);
+        let mut adoption = Adoption::new(&project, LabelId(8));
+        let ids = adoption.tree_of(&file).unwrap();
+        assert_eq!(ids, BTreeMap::from([(1, 9), (2, 2), (3, 7)].map(|(a, b)| (LabelId(a), LabelId(b)))));
+        assert_eq!(adoption.number(LabelId(8)).unwrap(), LabelId(8));
+        assert_eq!(adoption.number(LabelId(7)).unwrap(), LabelId(7));
+        let added: Vec<(u16, String, Option<u16>)> = adoption
+            .into_added()
+            .into_iter()
+            .map(|label| (label.id.0, label.name, label.parent.map(|parent| parent.0)))
+            .collect();
+        assert_eq!(added, [(2, "panicle".into(), None), (9, "grain".into(), Some(2)), (8, "8".into(), None)]);
+    }
+
+    #[test]
+    fn a_number_whose_name_is_taken_still_gets_a_label() {
+        let mut adoption = Adoption::new(&tree(&[(1, "5", None), (2, "#5", None)]), LabelId(5));
+        adoption.number(LabelId(5)).unwrap();
+        assert_eq!(adoption.into_added()[0].name, "##5");
+    }
+
+    #[test]
+    fn the_last_id_of_all_is_not_given_twice() {
+        let mut adoption = Adoption::new(&tree(&[(1, "a", None)]), LabelId(u16::MAX));
+        adoption.number(LabelId(u16::MAX)).unwrap();
+        let newcomer = Newcomer { name: "b", id: None, parent: None, color: None };
+        assert_eq!(adoption.named(&newcomer).unwrap(), LabelId(2));
+    }
+}

@@ -1,0 +1,166 @@
+use std::borrow::Borrow;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use super::frame_names::file_stems;
+use super::{binary, coco, davis, yolo};
+use crate::engine::job::Progress;
+use crate::frames::Frame;
+use crate::masks::{Label, LabelTree, MaskError, RunMask};
+
+/// How masks lie in files. Every format keeps ids, names, parents and colours; on import a label is found by its name,
+/// where there is no name by its number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MaskFormat {
+    /// `FRAME.png`, palette or grey, pixel value = label id, and `labels.json`; as in the DAVIS data sets.
+    #[default]
+    Davis,
+    /// `LABEL/FRAME.png`, white where the label is, and `labels.json`; one folder per object, as video segmentation
+    /// tools read it.
+    Binary,
+    /// One JSON of the COCO data set with run-length encoded regions; categories are labels, supercategories parents.
+    Coco,
+    /// `labels/FRAME.txt` with normalised outlines, `data.yaml` with the names, and `labels.json`.
+    Yolo,
+}
+
+/// What masks are matched to: a frame's name and its size in pixels as shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MaskFrame<'a> {
+    /// Unique in the project, parts joined by `/`.
+    pub name: &'a str,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+/// What was read; nothing of it is in the project yet.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Imported {
+    /// By frame number.
+    pub masks: BTreeMap<usize, RunMask>,
+    /// Labels that the project lacks, each after its parent.
+    pub new_labels: Vec<Label>,
+    /// What was left out or decided, for the user.
+    pub warnings: Vec<String>,
+}
+
+/// What an export writes: frames and labels with checked masks and a file name per frame.
+pub(super) struct Export<'a> {
+    pub frames: &'a [MaskFrame<'a>],
+    /// Per frame, a path below the folder without ending.
+    pub stems: Vec<String>,
+    /// (frame number, mask), in the order given.
+    pub masks: Vec<(usize, &'a RunMask)>,
+    pub tree: &'a LabelTree,
+}
+
+impl MaskFormat {
+    /// All formats, the default first.
+    pub const ALL: [Self; 4] = [Self::Davis, Self::Binary, Self::Coco, Self::Yolo];
+
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Davis => "davis",
+            Self::Binary => "binary",
+            Self::Coco => "coco",
+            Self::Yolo => "yolo",
+        }
+    }
+}
+
+impl FromStr for MaskFormat {
+    type Err = MaskError;
+
+    fn from_str(name: &str) -> Result<Self, MaskError> {
+        let unknown =
+            || MaskError::Request(format!("there is no mask format '{name}'; use davis, binary, coco or yolo"));
+        Self::ALL.into_iter().find(|format| format.name() == name).ok_or_else(unknown)
+    }
+}
+
+impl<'a> From<&'a Frame> for MaskFrame<'a> {
+    fn from(frame: &'a Frame) -> Self {
+        Self { name: &frame.name, width: frame.width, height: frame.height }
+    }
+}
+
+/// Reads masks from a folder (for COCO also the file itself). Files are matched to frames by name without ending: full
+/// path, then file name alone.
+///
+/// # Errors
+/// [`MaskError::Io`], [`MaskError::Invalid`] for a damaged file, a mask of another size than its frame, a folder of
+/// which nothing fits a frame; [`MaskError::Stopped`].
+pub fn import_masks(
+    dir: &Path,
+    format: MaskFormat,
+    frames: &[MaskFrame<'_>],
+    tree: &LabelTree,
+    progress: &Progress,
+) -> Result<Imported, MaskError> {
+    progress.stage("import masks")?;
+    match format {
+        MaskFormat::Davis => davis::import(dir, frames, tree, progress),
+        MaskFormat::Binary => binary::import(dir, frames, tree, progress),
+        MaskFormat::Coco => coco::import(dir, frames, tree, progress),
+        MaskFormat::Yolo => yolo::import(dir, frames, tree, progress),
+    }
+}
+
+/// Writes masks (frame number, mask) to a folder, which is made where it is missing; each file is there whole or not at
+/// all. Pixels go out under the label they carry, the deepest (see [`RunMask::at_level`] for coarser ones).
+///
+/// # Errors
+/// [`MaskError::Io`] for a folder that cannot be written, [`MaskError::Request`] for a mask that does not fit its frame
+/// or a frame name that is no file name, [`MaskError::Stopped`].
+pub fn export_masks<M: Borrow<RunMask>>(
+    dir: &Path,
+    format: MaskFormat,
+    frames: &[MaskFrame<'_>],
+    masks: impl IntoIterator<Item = (usize, M)>,
+    tree: &LabelTree,
+    progress: &Progress,
+) -> Result<(), MaskError> {
+    progress.stage("export masks")?;
+    let held: Vec<(usize, M)> = masks.into_iter().collect();
+    let masks: Vec<(usize, &RunMask)> = held.iter().map(|(frame, mask)| (*frame, mask.borrow())).collect();
+    for &(frame, mask) in &masks {
+        let fits = frames.get(frame).is_some_and(|frame| (frame.width, frame.height) == (mask.width, mask.height));
+        if !fits {
+            return Err(MaskError::Request(format!(
+                "the mask of frame {frame} has not the frame's size; make it anew"
+            )));
+        }
+    }
+    let export = Export { frames, stems: file_stems(frames)?, masks, tree };
+    match format {
+        MaskFormat::Davis => davis::export(dir, &export, progress),
+        MaskFormat::Binary => binary::export(dir, &export, progress),
+        MaskFormat::Coco => coco::export(dir, &export, progress),
+        MaskFormat::Yolo => yolo::export(dir, &export, progress),
+    }
+}
+
+/// The warning about files (or entries) that belong to no frame.
+pub(super) fn unmatched_warning(names: &[&str]) -> Option<String> {
+    let first = names.first()?;
+    Some(format!("{} of the masks match no frame's name and were left out (first: {first})", names.len()))
+}
+
+/// The error when nothing fits any frame.
+pub(super) fn nothing_fits(dir: &Path, first: &str, frames: &[MaskFrame<'_>]) -> MaskError {
+    let frame = frames.first().map_or("none", |frame| frame.name);
+    super::files::invalid(
+        dir,
+        format!(
+            "no mask has a frame's name (first mask '{first}', first frame '{frame}'); name the files as the frames"
+        ),
+    )
+}

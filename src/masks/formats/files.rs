@@ -1,0 +1,135 @@
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use crate::engine::job::Progress;
+use crate::frames::natural_order;
+use crate::masks::MaskError;
+
+/// A file found below a folder.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(in crate::masks) struct FoundFile {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Its path below the folder, parts joined by `/`, without its ending.
+    pub stem: String,
+}
+
+/// All files below a folder whose ending is one of `endings` (lower case, any case matches), hidden ones left out, in
+/// natural order of their stems.
+pub(in crate::masks) fn list_files(dir: &Path, endings: &[&str]) -> Result<Vec<FoundFile>, MaskError> {
+    let mut found = Vec::new();
+    let mut open = vec![dir.to_path_buf()];
+    while let Some(folder) = open.pop() {
+        for entry in std::fs::read_dir(&folder).map_err(io_error(&folder))? {
+            let entry = entry.map_err(io_error(&folder))?;
+            let path = entry.path();
+            if entry.file_name().to_string_lossy().starts_with('.') {
+                continue;
+            }
+            // A link to a file is followed, a link to a folder is not: it could lead in a circle.
+            if entry.file_type().map_err(io_error(&path))?.is_dir() {
+                open.push(path);
+            } else if has_ending(&path, endings) {
+                found.push(FoundFile { stem: stem_below(dir, &path), path });
+            }
+        }
+    }
+    found.sort_by(|a, b| natural_order(&a.stem, &b.stem).then_with(|| a.path.cmp(&b.path)));
+    Ok(found)
+}
+
+/// Writes a file so that it is there whole or not at all: under a temporary name beside it, then renamed. Folders on
+/// the way are made.
+pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), MaskError> {
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(io_error(folder))?;
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let temporary = path.with_file_name(format!(".{name}.part"));
+    let written = std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path));
+    written.map_err(|source| {
+        // Already failing: that the rest cannot be cleared away adds nothing.
+        let _ = std::fs::remove_file(&temporary);
+        MaskError::Io { path: path.to_path_buf(), source }
+    })
+}
+
+/// Does `work` on every item on all cores, reporting each as done; the first error in the items' order is returned.
+pub(in crate::masks) fn in_parallel<T: Sync, R: Send>(
+    items: &[T],
+    progress: &Progress,
+    work: impl Fn(&T) -> Result<R, MaskError> + Sync,
+) -> Result<Vec<R>, MaskError> {
+    let done = AtomicUsize::new(0);
+    let results: Vec<Result<R, MaskError>> = items
+        .par_iter()
+        .map(|item| {
+            progress.check()?;
+            let result = work(item)?;
+            progress.step(done.fetch_add(1, Ordering::Relaxed) + 1, items.len())?;
+            Ok(result)
+        })
+        .collect();
+    results.into_iter().collect()
+}
+
+/// Names a file in an error of the system.
+pub(super) fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> MaskError + '_ {
+    move |source| MaskError::Io { path: path.to_path_buf(), source }
+}
+
+/// An error about a file's content.
+pub(super) fn invalid(path: &Path, what: impl Into<String>) -> MaskError {
+    MaskError::Invalid { path: path.to_path_buf(), what: what.into() }
+}
+
+fn has_ending(path: &Path, endings: &[&str]) -> bool {
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    endings.contains(&ending.as_str())
+}
+
+fn stem_below(dir: &Path, path: &Path) -> String {
+    let below = path.strip_prefix(dir).unwrap_or(path).with_extension("");
+    let parts: Vec<_> = below.components().map(|part| part.as_os_str().to_string_lossy()).collect();
+    parts.join("/")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_found_in_natural_order() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["f10.PNG", "f9.png", "a/f1.png", "notes.txt", ".hidden.png", "f010b.png"] {
+            write_whole(&dir.path().join(name), b"x").unwrap();
+        }
+        let stems: Vec<String> = list_files(dir.path(), &["png"]).unwrap().into_iter().map(|file| file.stem).collect();
+        assert_eq!(stems, ["a/f1", "f9", "f10", "f010b"]);
+        assert!(list_files(&dir.path().join("none"), &["png"]).is_err());
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_leaves_nothing_behind() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::create_dir_all(dir.path().join("taken/inside")).unwrap();
+        let error = write_whole(&dir.path().join("taken"), b"x").unwrap_err();
+        assert!(error.to_string().contains("taken"), "{error}");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+        assert!(write_whole(&dir.path().join("taken/inside/file/below"), b"x").is_ok());
+        assert!(write_whole(&dir.path().join("taken/inside/file/below/it"), b"x").is_err());
+    }
+
+    #[test]
+    fn the_first_error_in_order_is_told() {
+        let items: Vec<usize> = (0..100).collect();
+        let work = |&at: &usize| if at % 30 == 29 { Err(MaskError::Request(at.to_string())) } else { Ok(at) };
+        let error = in_parallel(&items, &Progress::default(), work).unwrap_err();
+        assert_eq!(error.to_string(), "29");
+        let stopped = Progress::default();
+        stopped.stop();
+        assert!(matches!(in_parallel(&items, &stopped, |_| Ok(())), Err(MaskError::Stopped(_))));
+    }
+}

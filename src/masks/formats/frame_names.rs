@@ -1,0 +1,157 @@
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::exchange::MaskFrame;
+use super::files::{FoundFile, invalid};
+use crate::masks::MaskError;
+
+/// Finds names by their path without ending, then by file name alone; a name that fits two is not found.
+pub(in crate::masks) struct NameIndex {
+    /// One map per way to match, the surest first; `None` = two have this name.
+    levels: [BTreeMap<String, Option<usize>>; 3],
+}
+
+/// Which of several files belongs to which frame.
+#[derive(Debug)]
+pub(in crate::masks) struct Matched<'f> {
+    /// (frame number, file), ordered by frame.
+    pub pairs: Vec<(usize, &'f FoundFile)>,
+    /// Files that belong to no frame.
+    pub unmatched: Vec<&'f FoundFile>,
+}
+
+impl NameIndex {
+    /// An index of names, each of which answers with its place.
+    pub(in crate::masks) fn new<'n>(names: impl IntoIterator<Item = &'n str>) -> Self {
+        let mut levels = [const { BTreeMap::new() }; 3];
+        for (at, name) in names.into_iter().enumerate() {
+            let keys = [name, without_ending(name), last_part(without_ending(name))];
+            for (level, key) in levels.iter_mut().zip(keys) {
+                level.entry(key.to_owned()).and_modify(|place| *place = None).or_insert(Some(at));
+            }
+        }
+        Self { levels }
+    }
+
+    /// The place of the name that a stem (a path without ending) fits, and how sure that is (0 = surest).
+    fn find(&self, stem: &str) -> Option<(usize, usize)> {
+        let keys = [stem, stem, last_part(stem)];
+        let hits = self.levels.iter().zip(keys).map(|(level, key)| level.get(key).copied().flatten());
+        hits.enumerate().find_map(|(sureness, hit)| Some((hit?, sureness)))
+    }
+
+    /// Gives every file to its frame; where several fit one frame, the surest gets it.
+    ///
+    /// # Errors
+    /// [`MaskError::Invalid`] when two files fit the same frame equally well.
+    pub(in crate::masks) fn match_files<'f>(
+        &self,
+        dir: &Path,
+        files: &'f [FoundFile],
+    ) -> Result<Matched<'f>, MaskError> {
+        let mut best: BTreeMap<usize, (usize, &FoundFile)> = BTreeMap::new();
+        let mut unmatched = Vec::new();
+        for file in files {
+            let Some((frame, sureness)) = self.find(&file.stem) else {
+                unmatched.push(file);
+                continue;
+            };
+            match best.insert(frame, (sureness, file)) {
+                Some((other, rival)) if other == sureness => {
+                    let what = format!(
+                        "'{}' and '{}' both fit the same frame; give the folder that holds one mask per frame",
+                        rival.stem, file.stem
+                    );
+                    return Err(invalid(dir, what));
+                }
+                Some((other, rival)) if other < sureness => {
+                    best.insert(frame, (other, rival));
+                    unmatched.push(file);
+                }
+                Some((_, rival)) => unmatched.push(rival),
+                None => {}
+            }
+        }
+        Ok(Matched { pairs: best.into_iter().map(|(frame, (_, file))| (frame, file)).collect(), unmatched })
+    }
+}
+
+/// One file name per frame without the file's ending: the frame's name without its own, or with it where two frames
+/// would share a file (`a.jpg` and `a.png`).
+///
+/// # Errors
+/// [`MaskError::Request`] for a name that leads out of the folder.
+pub fn file_stems(frames: &[MaskFrame<'_>]) -> Result<Vec<String>, MaskError> {
+    let mut uses: BTreeMap<String, usize> = BTreeMap::new();
+    for frame in frames {
+        // Some file systems do not tell upper from lower case.
+        *uses.entry(without_ending(frame.name).to_lowercase()).or_default() += 1;
+    }
+    let stem = |frame: &MaskFrame<'_>| {
+        let short = without_ending(frame.name);
+        let stem = if uses.get(&short.to_lowercase()) == Some(&1) { short } else { frame.name };
+        let inside = stem.split(['/', '\\']).all(|part| !part.is_empty() && part != "." && part != "..");
+        let fault = || MaskError::Request(format!("the frame name '{stem}' is no file name; rename its source"));
+        inside.then(|| stem.to_owned()).ok_or_else(fault)
+    };
+    frames.iter().map(stem).collect()
+}
+
+/// A name without what follows the last dot of its last part.
+pub(super) fn without_ending(name: &str) -> &str {
+    let start = name.rfind('/').map_or(0, |slash| slash + 1);
+    match name[start..].rfind('.') {
+        Some(dot) if dot > 0 => &name[..start + dot],
+        _ => name,
+    }
+}
+
+fn last_part(name: &str) -> &str {
+    name.rsplit('/').next().unwrap_or(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(stem: &str) -> FoundFile {
+        FoundFile { path: format!("{stem}.png").into(), stem: stem.into() }
+    }
+
+    fn matched(names: &[&str], stems: &[&str]) -> Result<Vec<(usize, String)>, MaskError> {
+        let files: Vec<FoundFile> = stems.iter().map(|stem| file(stem)).collect();
+        let index = NameIndex::new(names.iter().copied());
+        let matched = index.match_files(Path::new("dir"), &files)?;
+        Ok(matched.pairs.into_iter().map(|(frame, file)| (frame, file.stem.clone())).collect())
+    }
+
+    #[test]
+    fn by_path_then_by_file_name() {
+        let names = ["a/0.jpg", "a/1.jpg", "b/1.jpg", "film.mp4/000007"];
+        let found = matched(&names, &["a/1", "x/0", "000007", "1", "9"]).unwrap();
+        assert_eq!(found, [(0, "x/0".into()), (1, "a/1".into()), (3, "000007".into())], "'1' alone fits two frames");
+    }
+
+    #[test]
+    fn the_surer_of_two_files_wins_and_equals_are_an_error() {
+        assert_eq!(matched(&["a/0.jpg"], &["a/0", "z/0"]).unwrap(), [(0, "a/0".into())]);
+        assert_eq!(matched(&["a/0.jpg"], &["0", "a/0"]).unwrap(), [(0, "a/0".into())]);
+        let error = matched(&["0.jpg"], &["a/0", "z/0"]).unwrap_err().to_string();
+        assert!(error.contains("a/0") && error.contains("z/0"), "{error}");
+    }
+
+    #[test]
+    fn frames_that_share_a_stem_keep_their_endings() {
+        let frames = ["a.jpg", "A.png", "b.c.jpg", "cam/b.jpg"];
+        let frames: Vec<MaskFrame<'_>> = frames.iter().map(|name| MaskFrame { name, width: 1, height: 1 }).collect();
+        let stems = file_stems(&frames).unwrap();
+        assert_eq!(stems, ["a.jpg", "A.png", "b.c", "cam/b"]);
+        let index = NameIndex::new(frames.iter().map(|frame| frame.name));
+        for (at, stem) in stems.iter().enumerate() {
+            assert_eq!(index.find(stem).map(|hit| hit.0), Some(at));
+        }
+        for name in ["../x.png", "/etc/x.png", "a//b.png"] {
+            assert!(file_stems(&[MaskFrame { name, width: 1, height: 1 }]).is_err(), "{name}");
+        }
+    }
+}

@@ -1,0 +1,58 @@
+use std::ops::Range;
+
+use crate::masks::{LabelId, LabelMask, LabelTree, MaskError};
+
+/// Objects of one frame that may overlap, laid over each other: the deepest label of the tree wins, of equally deep ones
+/// the later. `draw` hands out the stretches of an object's pixels (places row by row). Returns the mask and how many
+/// pixels two labels claimed of which neither is part of the other.
+pub(super) fn stacked<L>(
+    (width, height): (u32, u32),
+    mut layers: Vec<(LabelId, L)>,
+    tree: &LabelTree,
+    draw: impl Fn(&L, &mut dyn FnMut(Range<usize>)) -> Result<(), MaskError>,
+) -> Result<(LabelMask, usize), MaskError> {
+    layers.sort_by_key(|(id, _)| tree.depth(*id));
+    let mut mask = LabelMask::empty(width, height);
+    let mut contested = 0;
+    for (id, layer) in &layers {
+        let yields = tree.path(*id);
+        draw(layer, &mut |pixels| {
+            for at in &mut mask.ids[pixels] {
+                contested += usize::from(*at != LabelId::NONE && !yields.contains(at));
+                *at = *id;
+            }
+        })?;
+    }
+    Ok((mask, contested))
+}
+
+/// The warning about pixels that two labels claimed.
+pub(super) fn contested_warning(contested: usize) -> Option<String> {
+    let what = "pixels are claimed by two labels; each went to the deeper label, else to the one listed later";
+    (contested > 0).then(|| format!("{contested} {what}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::masks::Label;
+
+    #[test]
+    fn parts_lie_above_their_wholes() {
+        let label = |id: u16, parent: Option<u16>| Label {
+            id: LabelId(id),
+            name: id.to_string(),
+            color: [0; 3],
+            parent: parent.map(LabelId),
+        };
+        let tree: LabelTree = vec![label(1, None), label(2, Some(1)), label(3, None)].try_into().unwrap();
+        let layers = vec![(LabelId(2), 0..2), (LabelId(1), 0..3), (LabelId(3), 2..4)];
+        let draw = |pixels: &Range<usize>, emit: &mut dyn FnMut(Range<usize>)| {
+            emit(pixels.clone());
+            Ok(())
+        };
+        let (mask, contested) = stacked((4, 1), layers, &tree, draw).unwrap();
+        assert_eq!(mask.ids, [2, 2, 3, 3].map(LabelId));
+        assert_eq!(contested, 1, "only label 3 over label 1");
+    }
+}

@@ -1,0 +1,31 @@
+//! Masks in files: one file per format, each with import and export, and what they share.
+//!
+//! May use: masks, frames, engine::job. Must not touch: projects, cameras, 3-D, UI.
+
+mod adopt;
+mod binary;
+mod coco;
+mod coco_json;
+mod davis;
+mod exchange;
+mod files;
+mod frame_names;
+mod labels_json;
+mod layers;
+mod png_values;
+mod rle;
+mod yolo;
+mod yolo_names;
+
+pub use davis::{encode_palette_png, read_palette_png};
+pub(super) use davis::{ids_in, is_black_and_white, white_as_one};
+pub use exchange::{Imported, MaskFormat, MaskFrame, export_masks, import_masks};
+pub(super) use files::{FoundFile, in_parallel, list_files};
+pub(super) use frame_names::NameIndex;
+pub use frame_names::file_stems;
+pub(super) use labels_json::ids_of_colors;
+pub use labels_json::{read_labels_json, write_labels_json};
+pub(super) use png_values::PngValues;
+
+#[cfg(test)]
+mod tests;

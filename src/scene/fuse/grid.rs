@@ -1,0 +1,218 @@
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+use super::lift::{Lift, LiftCount};
+use crate::engine::job::{Progress, Stopped};
+
+/// Parts of the grid that are filled side by side.
+const SHARDS: usize = 32;
+/// Rows of a picture that one task lifts.
+const BLOCK_ROWS: u32 = 16;
+/// Steps into which a voxel's edge is cut for summing positions.
+const FRACTION: f32 = 4096.0;
+/// Steps of a normal's component.
+const NORMAL_STEPS: f32 = 1024.0;
+/// Samples that a voxel takes; their sums stay within 32 bits.
+const MAX_SAMPLES: u32 = 1 << 20;
+/// Voxels from the origin in each direction that the grid reaches.
+const REACH: i32 = 1 << 20;
+
+/// A hashed voxel grid that averages what falls into each voxel. All sums are integers, so the result does not depend on
+/// the order in which threads add to it.
+pub(super) struct Grid {
+    origin: DVec3,
+    voxel: f64,
+    shards: Vec<FxHashMap<u64, Voxel>>,
+    blocks: Vec<Block>,
+    frames: u32,
+}
+
+/// Samples of some rows, by shard, and what became of their pixels; kept from frame to frame for its memory.
+struct Block {
+    samples: Vec<Vec<Sample>>,
+    count: LiftCount,
+}
+
+/// A place in the grid: voxel, and where in it in 1 / 4096 of its edge.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cell {
+    pub(super) index: [i32; 3],
+    pub(super) fraction: [u16; 3],
+}
+
+/// One pixel lifted to 3-D.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample {
+    key: u64,
+    fraction: [u16; 3],
+    normal: [i16; 3],
+    color: [u8; 3],
+}
+
+/// Sums over the samples of one voxel.
+#[derive(Debug, Clone, Copy, Default)]
+struct Voxel {
+    fraction: [u32; 3],
+    color: [u32; 3],
+    normal: [i32; 3],
+    samples: u32,
+    views: u32,
+    last_frame: u32,
+}
+
+/// The points of a grid, in Morton order of their voxels so that neighbours in the list are neighbours in space.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct GridPoints {
+    pub(super) positions: Vec<Vec3>,
+    pub(super) normals: Vec<Vec3>,
+    pub(super) colors: Vec<[u8; 3]>,
+    /// Voxels left out because too few frames measured them.
+    pub(super) few_views: usize,
+}
+
+impl Cell {
+    /// The cell that holds a point in grid units; `None` beyond the grid.
+    pub(super) fn holding(in_grid: Vec3) -> Option<Self> {
+        if !in_grid.abs().cmplt(Vec3::splat(REACH as f32 - 1.0)).all() {
+            return None;
+        }
+        // Rounding down by hand: without the processor's own instruction `floor` is a call for every number.
+        let index = in_grid.to_array().map(|at| {
+            let whole = at as i32;
+            whole - i32::from(whole as f32 > at)
+        });
+        let fraction = (in_grid - glam::IVec3::from_array(index).as_vec3()) * FRACTION;
+        Some(Self { index, fraction: fraction.to_array().map(|f| f as u16) })
+    }
+}
+
+impl Sample {
+    pub(super) fn new(key: u64, fraction: [u16; 3], color: [u8; 3], normal: Vec3) -> Self {
+        Self { key, fraction, color, normal: (normal * NORMAL_STEPS).to_array().map(|n| n as i16) }
+    }
+}
+
+/// A voxel's index in one number, 21 bits a direction.
+pub(super) fn cell_key(index: [i32; 3]) -> u64 {
+    index.iter().fold(0, |key, &i| key << 21 | (i + REACH) as u64)
+}
+
+/// The shard that a voxel is kept in.
+pub(super) fn shard_of(key: u64) -> usize {
+    (key.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 59) as usize % SHARDS
+}
+
+impl Grid {
+    /// An empty grid of voxels with edge `voxel`, counted from the point `near`.
+    pub(super) fn new(near: DVec3, voxel: f64) -> Self {
+        let shards = (0..SHARDS).map(|_| FxHashMap::default()).collect();
+        Self { origin: (near / voxel).floor() * voxel, voxel, shards, blocks: Vec::new(), frames: 0 }
+    }
+
+    /// The grid's origin in the world, and the edge of its voxels.
+    pub(super) fn frame(&self) -> (DVec3, f64) {
+        (self.origin, self.voxel)
+    }
+
+    /// Adds all pixels of one frame of `height` rows.
+    pub(super) fn add(&mut self, lift: &Lift<'_>, height: u32, progress: &Progress) -> Result<LiftCount, Stopped> {
+        let blocks = height.div_ceil(BLOCK_ROWS) as usize;
+        let empty = || Block { samples: vec![Vec::new(); SHARDS], count: LiftCount::default() };
+        self.blocks.resize_with(self.blocks.len().max(blocks), empty);
+        self.blocks[..blocks].par_iter_mut().enumerate().try_for_each(|(index, block)| {
+            let first = index as u32 * BLOCK_ROWS;
+            block.samples.iter_mut().for_each(Vec::clear);
+            block.count = lift.rows(first..(first + BLOCK_ROWS).min(height), &mut block.samples);
+            progress.check()
+        })?;
+        self.frames += 1;
+        let (blocks, frame) = (&self.blocks[..blocks], self.frames);
+        self.shards.par_iter_mut().enumerate().for_each(|(shard, voxels)| {
+            for block in blocks {
+                add_samples(voxels, &block.samples[shard], frame);
+            }
+        });
+        let sum = |a: LiftCount, b: &Block| LiftCount {
+            measured: a.measured + b.count.measured,
+            flying: a.flying + b.count.flying,
+            beyond: a.beyond + b.count.beyond,
+        };
+        Ok(blocks.iter().fold(LiftCount::default(), sum))
+    }
+
+    /// The mean of each voxel that at least `min_views` frames measured.
+    pub(super) fn into_points(self, min_views: u32) -> GridPoints {
+        let (origin, voxel) = self.frame();
+        let filled: usize = self.shards.iter().map(FxHashMap::len).sum();
+        let mut kept: Vec<(u64, Voxel)> = Vec::with_capacity(filled);
+        for shard in self.shards {
+            kept.extend(shard.into_iter().filter(|(_, voxel)| voxel.views >= min_views));
+        }
+        kept.par_sort_unstable_by_key(|&(key, _)| morton(key));
+        let position = |&(key, sum): &(u64, Voxel)| {
+            // Fractions were cut off to whole steps, on average by half a step.
+            let mean = |sum_of: u32| (f64::from(sum_of) / f64::from(sum.samples) + 0.5) / f64::from(FRACTION);
+            let fraction = DVec3::from_array(sum.fraction.map(mean));
+            (origin + (cell_index(key) + fraction) * voxel).as_vec3()
+        };
+        GridPoints {
+            positions: kept.par_iter().map(position).collect(),
+            normals: kept.par_iter().map(|(_, sum)| sum.mean_normal()).collect(),
+            colors: kept
+                .par_iter()
+                .map(|(_, sum)| sum.color.map(|c| ((c + sum.samples / 2) / sum.samples) as u8))
+                .collect(),
+            few_views: filled - kept.len(),
+        }
+    }
+}
+
+/// Adds one block's samples; runs in the same voxel are summed before the voxel is looked up.
+fn add_samples(voxels: &mut FxHashMap<u64, Voxel>, samples: &[Sample], frame: u32) {
+    for run in samples.chunk_by(|a, b| a.key == b.key) {
+        let voxel = voxels.entry(run[0].key).or_default();
+        for sample in run {
+            if voxel.samples == MAX_SAMPLES {
+                break;
+            }
+            for axis in 0..3 {
+                voxel.fraction[axis] += u32::from(sample.fraction[axis]);
+                voxel.color[axis] += u32::from(sample.color[axis]);
+                voxel.normal[axis] += i32::from(sample.normal[axis]);
+            }
+            voxel.samples += 1;
+        }
+        voxel.views += u32::from(voxel.last_frame != frame);
+        voxel.last_frame = frame;
+    }
+}
+
+impl Voxel {
+    fn mean_normal(&self) -> Vec3 {
+        Vec3::from_array(self.normal.map(|n| n as f32)).normalize_or_zero()
+    }
+}
+
+fn cell_index(key: u64) -> DVec3 {
+    let axis = |shift: u32| f64::from((key >> shift & 0x1F_FFFF) as i32 - REACH);
+    DVec3::new(axis(42), axis(21), axis(0))
+}
+
+/// The key's three numbers with their bits interleaved.
+fn morton(key: u64) -> u64 {
+    let spread = |value: u64| {
+        let mut bits = value & 0x1F_FFFF;
+        for (shift, mask) in [
+            (32, 0x001F_0000_0000_FFFF),
+            (16, 0x001F_0000_FF00_00FF),
+            (8, 0x100F_00F0_0F00_F00F),
+            (4, 0x10C3_0C30_C30C_30C3),
+            (2, 0x1249_2492_4924_9249),
+        ] {
+            bits = (bits | bits << shift) & mask;
+        }
+        bits
+    };
+    spread(key >> 42) << 2 | spread(key >> 21) << 1 | spread(key)
+}

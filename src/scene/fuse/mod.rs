@@ -1,0 +1,39 @@
+//! Frames with depth, cameras and masks → one labelled cloud, in one pass over the pixels and one vote.
+//!
+//! Points come from a voxel grid (positions, colours and normals are averaged, labels never). Then every point is
+//! projected into every frame, and where the frame *sees* it, the mask's id there is one integer vote. Ids are never
+//! interpolated, so no label appears that no mask has.
+//!
+//! May use: scene::points, masks, frames, geometry, engine::job. Must not touch: Project, UI, files (but `votes_file`,
+//! which reads and writes through streams that it is given).
+
+mod ballots;
+mod grid;
+mod lift;
+mod majority;
+mod onto;
+mod options;
+mod pairs;
+mod relabel;
+mod report;
+mod run;
+mod source;
+mod splat;
+#[cfg(test)]
+mod tests;
+mod view;
+mod visible;
+mod vote;
+mod votes;
+mod votes_file;
+mod voxel_size;
+
+pub use majority::{Majority, Verdict};
+pub use onto::{OntoOptions, vote_onto};
+pub use options::FuseOptions;
+pub use relabel::{ChangedMask, relabel};
+pub use report::{Dropped, FuseReport};
+pub use run::{Fused, fuse};
+pub use source::{ProjectViews, Views};
+pub use votes::{Voter, Votes};
+pub use votes_file::{read_votes, write_votes};

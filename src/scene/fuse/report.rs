@@ -1,0 +1,56 @@
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::masks::LabelId;
+
+/// Points (or pixels) that fusion left out, by reason.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Dropped {
+    /// Pixels that fly between two surfaces.
+    pub flying_pixels: usize,
+    /// Pixels too far away for the voxel size.
+    pub far_pixels: usize,
+    /// Points that too few frames measured.
+    pub few_views: usize,
+    /// Points that lie apart from all others.
+    pub outliers: usize,
+    /// Points without a label, where these are not wanted.
+    pub unlabelled: usize,
+}
+
+/// What fusion did, for people.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct FuseReport {
+    /// Edge of a voxel in world units; 0 where a given cloud was labelled.
+    pub voxel: f64,
+    /// Frames that gave points.
+    pub frames_fused: usize,
+    /// Frames that voted.
+    pub frames_voted: usize,
+    /// Pixels with a depth.
+    pub pixels: usize,
+    /// Points of the cloud.
+    pub points: usize,
+    /// Points for each label, 0 = unlabelled.
+    pub labels: BTreeMap<LabelId, usize>,
+    /// What was left out.
+    pub dropped: Dropped,
+    /// Points that no frame with a mask sees.
+    pub unseen: usize,
+    /// Points that won a label with too small a share of the votes.
+    pub unsure: usize,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// One line that names frames, the first few of many.
+pub(super) fn naming(what: &str, names: &[&str]) -> Option<String> {
+    const SHOWN: usize = 5;
+    let (first, more) = (names.iter().take(SHOWN).copied().collect::<Vec<_>>().join(", "), names.len());
+    match more {
+        0 => None,
+        1..=SHOWN => Some(format!("{more} frames {what}: {first}")),
+        _ => Some(format!("{more} frames {what}: {first} and {} more", more - SHOWN)),
+    }
+}

@@ -1,0 +1,171 @@
+use std::sync::Arc;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::ballots::{Ballots, Histograms};
+use super::pairs::{CHUNK, Pair, PairWriter};
+use super::source::{Views, check_size};
+use super::splat::splat_depth;
+use super::view::View;
+use super::visible::{Tolerance, seen_at};
+use super::votes::{FramePairs, Votes, joined};
+use crate::engine::job::Progress;
+use crate::frames::DepthMap;
+use crate::masks::LabelMask;
+use crate::scene::SceneError;
+
+/// Change of depth from a pixel to the next, in pixel footprints, that still counts as one surface.
+const SLANT_PX: f64 = 1.5;
+
+/// What the vote needs to know besides points and frames.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct VoteOptions {
+    /// Depths of frames against points.
+    pub(super) tolerance: Tolerance,
+    /// Radius of a point where frames have no depth and the points themselves hide each other.
+    pub(super) radius: f64,
+    pub(super) min_confidence: f32,
+    pub(super) pair_budget_bytes: usize,
+}
+
+/// One frame made ready to vote.
+struct Voting {
+    index: usize,
+    view: View,
+    depth: Arc<DepthMap>,
+    mask: Option<Arc<LabelMask>>,
+    tolerance: Tolerance,
+}
+
+/// A chunk of points, where it lies, and its votes so far.
+struct Chunk<'a> {
+    points: &'a [Vec3],
+    centre: glam::DVec3,
+    radius: f64,
+    ballots: Ballots,
+}
+
+/// Lets every frame vote on every point that it sees.
+///
+/// Frames with a camera and a mask vote; frames with a camera but without a mask are recorded as seeing, so that a mask
+/// that comes later needs no geometry. Votes are sums of integers: the order of frames does not matter.
+pub(super) fn vote(
+    points: &[Vec3],
+    views: &dyn Views,
+    options: &VoteOptions,
+    progress: &Progress,
+) -> Result<Votes, SceneError> {
+    let mut chunks: Vec<Chunk<'_>> = points.par_chunks(CHUNK).map(Chunk::new).collect();
+    let voters: Vec<usize> = voters(views);
+    let mut frames: Vec<Arc<FramePairs>> = Vec::new();
+    let (mut has_pairs, mut bytes) = (true, 0);
+    progress.stage("vote")?;
+    let mut next = voters.first().map(|&index| Voting::load(points, views, index, options)).transpose()?;
+    for done in 0..voters.len() {
+        progress.step(done, voters.len())?;
+        let Some(voting) = next.take() else { break };
+        let following = voters.get(done + 1);
+        let (counted, loaded) = rayon::join(
+            || count_votes(&mut chunks, &voting, has_pairs, progress),
+            || following.map(|&index| Voting::load(points, views, index, options)).transpose(),
+        );
+        (next, bytes) = (loaded?, bytes + counted.as_ref().map_or(0, |pairs| pairs.bytes.len()));
+        has_pairs &= bytes <= options.pair_budget_bytes;
+        if has_pairs {
+            frames.push(Arc::new(counted?));
+        } else {
+            counted?;
+            frames.clear();
+        }
+    }
+    let counted: Vec<Histograms> = chunks.par_iter().map(|chunk| chunk.ballots.finish()).collect();
+    let (offsets, entries) = joined(&counted);
+    Ok(Votes { offsets, entries, frames, has_pairs, min_confidence: options.min_confidence })
+}
+
+/// The frames with a camera, if any of them has a mask.
+fn voters(views: &dyn Views) -> Vec<usize> {
+    let posed = |index: &usize| views.frames()[*index].posed_camera().is_some();
+    let voters: Vec<usize> = (0..views.frames().len()).filter(posed).collect();
+    let any_mask = voters.iter().any(|&index| views.mask(index).is_some());
+    if any_mask { voters } else { Vec::new() }
+}
+
+impl Voting {
+    fn load(points: &[Vec3], views: &dyn Views, index: usize, options: &VoteOptions) -> Result<Self, SceneError> {
+        let frame = &views.frames()[index];
+        let view = View::new(frame)?
+            .ok_or_else(|| SceneError::Request(format!("frame '{}' has no camera; give it one", frame.name)))?;
+        let mask = views.mask(index);
+        if let Some(mask) = &mask {
+            check_size(frame, "mask", mask.width, mask.height)?;
+        }
+        let (depth, tolerance) = match views.depth(index)? {
+            Some(depth) => {
+                check_size(frame, "depth", depth.width, depth.height)?;
+                (depth, options.tolerance)
+            }
+            None => {
+                let splat = splat_depth(points, &view, options.radius);
+                // On a slanted surface the depth changes from one pixel to the next by about what a pixel covers.
+                let slope = SLANT_PX / view.camera.focal_px.max_element();
+                (Arc::new(splat), Tolerance { absolute: 2.0 * options.radius, relative: slope })
+            }
+        };
+        Ok(Self { index, view, depth, mask, tolerance })
+    }
+}
+
+impl<'a> Chunk<'a> {
+    fn new(points: &'a [Vec3]) -> Self {
+        let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for &point in points {
+            (min, max) = (min.min(point), max.max(point));
+        }
+        let (min, max) = (min.as_dvec3(), max.as_dvec3());
+        Self {
+            points,
+            centre: (min + max) / 2.0,
+            radius: (max - min).length() / 2.0,
+            ballots: Ballots::new(points.len()),
+        }
+    }
+
+    /// Counts one frame's votes on the chunk and returns who voted.
+    fn count(&mut self, voting: &Voting) -> PairWriter {
+        let mut pairs = PairWriter::default();
+        if !voting.view.may_see(self.centre, self.radius) {
+            return pairs;
+        }
+        for (point, &position) in self.points.iter().enumerate() {
+            let Some(at) = voting.view.project(position) else { continue };
+            let Some((x, y)) = seen_at(&voting.depth, &at, voting.tolerance) else { continue };
+            let vote = voting.mask.as_ref().map(|mask| mask.at(x, y));
+            if let Some(id) = vote {
+                self.ballots.add(point as u32, id);
+            }
+            pairs.push(Pair { point: point as u32, x, y, vote });
+        }
+        pairs
+    }
+}
+
+fn count_votes(
+    chunks: &mut [Chunk<'_>],
+    voting: &Voting,
+    keep_pairs: bool,
+    progress: &Progress,
+) -> Result<FramePairs, SceneError> {
+    let counted: Vec<PairWriter> = chunks
+        .par_iter_mut()
+        .map(|chunk| {
+            progress.check()?;
+            let pairs = chunk.count(voting);
+            Ok(if keep_pairs { pairs } else { PairWriter::default() })
+        })
+        .collect::<Result<_, SceneError>>()?;
+    let (frame, width, height) = (voting.index as u32, voting.depth.width, voting.depth.height);
+    let template = FramePairs { frame, width, height, ..FramePairs::default() };
+    Ok(FramePairs::from_chunks(&template, counted.iter().map(|pairs| &pairs.bytes[..])))
+}

@@ -1,0 +1,48 @@
+use super::source::Views;
+use crate::scene::SceneError;
+
+/// Frames looked at.
+const FRAMES: usize = 8;
+/// Pixels of a frame looked at: every so many.
+const PIXEL_STEP: usize = 37;
+
+/// What one pixel covers at the median depth, rounded to two digits: the finest detail that most pixels can show.
+/// `None` when no frame has a depth above 0.
+pub(super) fn pixel_footprint(views: &dyn Views, usable: &[usize]) -> Result<Option<f64>, SceneError> {
+    let step = usable.len().div_ceil(FRAMES).max(1);
+    let mut footprints: Vec<f32> = Vec::new();
+    for &index in usable.iter().step_by(step) {
+        let (Some((camera, _)), Some(depth)) = (views.frames()[index].posed_camera(), views.depth(index)?) else {
+            continue;
+        };
+        let focal = camera.focal_px.max_element() as f32;
+        let sampled = depth.depths.iter().step_by(PIXEL_STEP).filter(|&&d| d > 0.0 && d.is_finite());
+        footprints.extend(sampled.map(|d| d / focal));
+    }
+    if footprints.is_empty() {
+        return Ok(None);
+    }
+    let middle = footprints.len() / 2;
+    let (_, median, _) = footprints.select_nth_unstable_by(middle, f32::total_cmp);
+    Ok(Some(two_digits(f64::from(*median))))
+}
+
+fn two_digits(value: f64) -> f64 {
+    let unit = 10f64.powi(value.log10().floor() as i32 - 1);
+    let steps = (value / unit).round();
+    // Dividing by whole powers of ten gives the number that a person would write: 0.0034, not 0.0034000000000000002.
+    if unit < 1.0 { steps / (1.0 / unit).round() } else { steps * unit }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_a_person_would_write() {
+        assert_eq!(two_digits(0.003_412), 0.0034);
+        assert_eq!(two_digits(0.099_9), 0.1);
+        assert_eq!(two_digits(123.0), 120.0);
+        assert_eq!(two_digits(1.26), 1.3);
+    }
+}

@@ -1,0 +1,13 @@
+//! Verbs on bare points: neighbours, spacing, outliers, normals, thinning.
+//!
+//! May use: engine::job, kiddo. Must not touch: labels' meaning, frames, UI.
+
+mod downsample;
+mod neighbours;
+mod normals;
+mod outliers;
+
+pub use downsample::downsample;
+pub use neighbours::{Neighbours, spacing};
+pub use normals::{NormalOptions, estimate_normals};
+pub use outliers::{OutlierOptions, outliers};

@@ -1,0 +1,19 @@
+//! How good a labelled cloud is against a true one: labels, surface, and a table to read.
+//!
+//! May use: scene::points, masks, frames, geometry, engine::job. Must not touch: Project, UI.
+
+mod cloud;
+mod frusta;
+mod labels;
+mod pairing;
+mod surface;
+mod table;
+#[cfg(test)]
+mod tests;
+
+pub use cloud::{CloudScore, CloudScoreOptions, score_cloud};
+pub use frusta::inside_frusta;
+pub use labels::{Confusion, LabelIou, LabelScore};
+pub use pairing::pair_labels;
+pub use surface::SurfaceScore;
+pub use table::{Table, cloud_table};

@@ -1,0 +1,131 @@
+use glam::{Vec2, Vec3};
+
+use super::bitmap::{Bitmap, linear};
+use super::noise::{fractal_noise, value_noise};
+
+/// What a part's surface looks like.
+#[derive(Debug, Clone)]
+pub(super) enum Material {
+    /// A picture, one of the scene's bitmaps.
+    Picture {
+        bitmap: usize,
+    },
+    /// A leaf blade that yellows towards its tip.
+    Blade {
+        length_m: f32,
+    },
+    /// A leaf sheath.
+    Sheath,
+    /// A culm with rings at its nodes (arc lengths in metres).
+    Culm {
+        nodes_m: Vec<f32>,
+    },
+    Rachis,
+    Grain,
+    Clay,
+    Soil,
+    Wood,
+    Brick,
+    /// Glazed pottery with bands; sRGB of the ground.
+    Glaze {
+        ground: Vec3,
+    },
+}
+
+impl Material {
+    /// Linear RGB reflectance at the texture position `uv` (metres).
+    pub(super) fn albedo(&self, uv: Vec2, seed: u32, bitmaps: &[Bitmap]) -> Vec3 {
+        let mm = uv * 1000.0;
+        match self {
+            Self::Picture { bitmap } => bitmaps.get(*bitmap).map_or(Vec3::ZERO, |bitmap| bitmap.sample(uv)),
+            Self::Blade { length_m } => linear(blade(mm, uv.y / length_m, seed)),
+            Self::Sheath => linear(fibrous(Vec3::new(0.47, 0.58, 0.27), mm, 1.4, seed)),
+            Self::Culm { nodes_m } => linear(culm(mm, nodes_m, seed)),
+            Self::Rachis => linear(Vec3::new(0.60, 0.62, 0.30) * (1.0 + 0.15 * value_noise(mm, seed))),
+            Self::Grain => linear(grain(mm, seed)),
+            Self::Clay => linear(Vec3::new(0.66, 0.40, 0.28) * (1.0 + 0.22 * fractal_noise(mm / 9.0, 5, seed))),
+            Self::Soil => linear(Vec3::new(0.27, 0.20, 0.15) * (1.0 + 0.7 * fractal_noise(mm / 5.0, 4, seed))),
+            Self::Wood => linear(wood(mm, seed)),
+            Self::Brick => linear(brick(mm, seed)),
+            Self::Glaze { ground } => linear(glaze(*ground, mm, seed)),
+        }
+    }
+
+    /// Strength of the highlight, 0–1.
+    pub(super) fn gloss(&self) -> f32 {
+        match self {
+            Self::Blade { .. } | Self::Sheath | Self::Culm { .. } => 0.06,
+            Self::Glaze { .. } => 0.25,
+            _ => 0.0,
+        }
+    }
+
+    /// Share of the light on the far side that shines through.
+    pub(super) fn translucency(&self) -> f32 {
+        if matches!(self, Self::Blade { .. }) { 0.45 } else { 0.0 }
+    }
+}
+
+/// A number in −1…1 that is one part's own.
+fn own(seed: u32) -> f32 {
+    value_noise(Vec2::new(0.0, 0.0), seed ^ 0xa5a5)
+}
+
+fn blade(mm: Vec2, along: f32, seed: u32) -> Vec3 {
+    let green = Vec3::new(0.40, 0.55, 0.22) * (1.0 + 0.06 * own(seed));
+    let vein = (std::f32::consts::TAU * mm.x / 1.7).cos();
+    let midrib = (-(mm.x / 0.7).powi(2)).exp();
+    let mottle = fractal_noise(Vec2::new(mm.x / 3.0, mm.y / 16.0), 4, seed);
+    let lit = green * (1.0 + 0.10 * vein + 0.22 * mottle) + Vec3::new(0.10, 0.10, 0.06) * midrib;
+    let dry = ((along - 0.86) / 0.14 + 0.5 * value_noise(mm / 6.0, seed ^ 1)).clamp(0.0, 1.0);
+    let freckle = if fractal_noise(mm / 2.6, 3, seed ^ 2) > 0.50 { 0.72 } else { 1.0 };
+    lit.lerp(Vec3::new(0.68, 0.60, 0.32), 0.75 * dry) * freckle
+}
+
+/// Plant tissue with fibres along it, `pitch_mm` apart.
+fn fibrous(base: Vec3, mm: Vec2, pitch_mm: f32, seed: u32) -> Vec3 {
+    let fibre = (std::f32::consts::TAU * mm.x / pitch_mm).cos();
+    let mottle = fractal_noise(Vec2::new(mm.x / 2.0, mm.y / 11.0), 4, seed);
+    base * (1.0 + 0.06 * own(seed)) * (1.0 + 0.07 * fibre + 0.24 * mottle)
+}
+
+fn culm(mm: Vec2, nodes_m: &[f32], seed: u32) -> Vec3 {
+    let tissue = fibrous(Vec3::new(0.52, 0.60, 0.28), mm, 1.9, seed);
+    let distance = nodes_m.iter().map(|node| (mm.y - node * 1000.0).abs()).fold(f32::MAX, f32::min);
+    let ring = (-(distance / 1.6).powi(2)).exp();
+    let halo = (-((distance - 5.0) / 2.5).powi(2)).exp();
+    (tissue + Vec3::new(0.06, 0.07, 0.04) * halo).lerp(Vec3::new(0.35, 0.33, 0.17), 0.8 * ring)
+}
+
+fn grain(mm: Vec2, seed: u32) -> Vec3 {
+    let straw = Vec3::new(0.76, 0.66, 0.34) * (1.0 + 0.12 * own(seed));
+    let unripe = 0.5 + 0.5 * own(seed ^ 77);
+    let ridge = (std::f32::consts::TAU * mm.x / 1.57).cos();
+    let husk = straw.lerp(Vec3::new(0.58, 0.62, 0.28), 0.5 * unripe);
+    husk * (1.0 + 0.13 * ridge + 0.20 * fractal_noise(mm * Vec2::new(1.3, 0.5), 3, seed))
+}
+
+fn wood(mm: Vec2, seed: u32) -> Vec3 {
+    let plank = (mm.y / 110.0).floor();
+    let shift = 40.0 * own(seed ^ (plank as i32 as u32).wrapping_mul(0x9e37));
+    let at = Vec2::new(mm.x / 60.0 + shift, mm.y / 7.0);
+    let rings = (6.0 * fractal_noise(at * 0.5, 3, seed)).sin();
+    let joint = if (mm.y / 110.0 - plank) < 0.025 { 0.45 } else { 1.0 };
+    Vec3::new(0.55, 0.41, 0.27) * (1.0 + 0.12 * rings + 0.16 * fractal_noise(at, 4, seed ^ 5) + 0.002 * shift) * joint
+}
+
+fn brick(mm: Vec2, seed: u32) -> Vec3 {
+    let clay = Vec3::new(0.62, 0.33, 0.25) * (1.0 + 0.16 * own(seed));
+    let scorch = fractal_noise(mm / 28.0, 3, seed ^ 1).clamp(0.0, 1.0);
+    let pit = if fractal_noise(mm / 3.0, 3, seed ^ 2) > 0.45 { 0.62 } else { 1.0 };
+    clay.lerp(Vec3::new(0.30, 0.24, 0.25), scorch) * (1.0 + 0.25 * fractal_noise(mm / 5.0, 5, seed)) * pit
+}
+
+fn glaze(ground: Vec3, mm: Vec2, seed: u32) -> Vec3 {
+    let wave = mm.y + 2.5 * (mm.x / 9.0).sin();
+    let band = (wave / 22.0).fract() < 0.28;
+    let figure = fractal_noise(mm / 11.0, 3, seed) > 0.12;
+    let paint = if band { Vec3::new(0.90, 0.86, 0.74) } else { ground };
+    let paint = if figure && !band { paint * 0.62 } else { paint };
+    paint * (1.0 + 0.12 * fractal_noise(mm / 4.0, 4, seed ^ 3))
+}

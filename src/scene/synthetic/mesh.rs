@@ -1,0 +1,125 @@
+use glam::{DVec3, Vec2, Vec3};
+
+use super::curve::Curve;
+
+/// A triangle mesh with a texture position per vertex. World units are metres.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Mesh {
+    pub(super) positions: Vec<DVec3>,
+    /// Unit; outwards on closed surfaces.
+    pub(super) normals: Vec<Vec3>,
+    /// Texture position in metres: x across or around, y along.
+    pub(super) uv: Vec<Vec2>,
+    pub(super) triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    /// A patch of `rows` × `columns` cells; `vertex(r, c)` gives corners for `r ≤ rows`, `c ≤ columns`. `around`: the
+    /// last column closes on the first. Normals point along (column direction) × (row direction).
+    pub(super) fn patch(
+        (rows, columns): (usize, usize),
+        around: bool,
+        vertex: impl Fn(usize, usize) -> (DVec3, Vec2),
+    ) -> Self {
+        let index = |r: usize, c: usize| (r * (columns + 1) + c) as u32;
+        let (positions, uv): (Vec<_>, Vec<_>) =
+            (0..=rows).flat_map(|r| (0..=columns).map(move |c| (r, c))).map(|(r, c)| vertex(r, c)).unzip();
+        let triangles: Vec<[u32; 3]> = (0..rows)
+            .flat_map(|r| (0..columns).map(move |c| (r, c)))
+            .flat_map(|(r, c)| {
+                let (a, b, d, e) = (index(r, c), index(r, c + 1), index(r + 1, c), index(r + 1, c + 1));
+                [[a, b, e], [a, e, d]]
+            })
+            .collect();
+        let mut sums = face_sums(&positions, &triangles);
+        if around {
+            for r in 0..=rows {
+                let both = sums[index(r, 0) as usize] + sums[index(r, columns) as usize];
+                sums[index(r, 0) as usize] = both;
+                sums[index(r, columns) as usize] = both;
+            }
+        }
+        let normals = sums.into_iter().map(|n| n.normalize_or(DVec3::Z).as_vec3()).collect();
+        Self { positions, normals, uv, triangles }
+    }
+
+    /// A tube of `columns` sides around `curve`, without caps; `radius(at_m)` in metres.
+    pub(super) fn tube(curve: &Curve, (rows, columns): (usize, usize), radius: impl Fn(f64) -> f64) -> Self {
+        Self::patch((rows, columns), true, |r, c| {
+            let station = curve.at(curve.length_m() * r as f64 / rows as f64);
+            let angle = std::f64::consts::TAU * c as f64 / columns as f64;
+            let radius = radius(station.at_m);
+            let x = station.x + radius * (angle.cos() * station.side + angle.sin() * station.up);
+            (x, DVec3::new(angle * radius, station.at_m, 0.0).truncate().as_vec2())
+        })
+    }
+
+    /// A surface of revolution about the vertical through `centre`; `profile` are (radius, height) in metres, upwards
+    /// on the outside.
+    pub(super) fn lathe(centre: DVec3, profile: &[(f64, f64)], columns: usize) -> Self {
+        let mut along = vec![0.0];
+        for pair in profile.windows(2) {
+            let step = (pair[1].0 - pair[0].0).hypot(pair[1].1 - pair[0].1);
+            along.push(along.last().copied().unwrap_or(0.0) + step);
+        }
+        Self::patch((profile.len() - 1, columns), true, |r, c| {
+            let angle = std::f64::consts::TAU * c as f64 / columns as f64;
+            let (radius, height) = profile[r];
+            let x = centre + DVec3::new(radius * angle.cos(), radius * angle.sin(), height);
+            (x, Vec2::new((angle * radius.max(0.01)) as f32, along[r] as f32))
+        })
+    }
+
+    /// A spheroid about `axis` (unit) with the given half axes.
+    pub(super) fn spheroid(centre: DVec3, axis: DVec3, half_length_m: f64, half_width_m: f64) -> Self {
+        let (rows, columns) = (14, 12);
+        let (side, up) = axis.any_orthonormal_pair();
+        Self::patch((rows, columns), true, |r, c| {
+            let latitude = std::f64::consts::PI * (r as f64 / rows as f64 - 0.5);
+            let angle = std::f64::consts::TAU * c as f64 / columns as f64;
+            let ring = half_width_m * latitude.cos() * (angle.cos() * side + angle.sin() * up);
+            let uv = Vec2::new((angle * half_width_m) as f32, (latitude * half_length_m) as f32);
+            (centre + half_length_m * latitude.sin() * axis + ring, uv)
+        })
+    }
+
+    /// A flat parallelogram: `origin`, `origin + along_u`, `origin + along_v`; its normal is `along_u × along_v`.
+    pub(super) fn quad(origin: DVec3, along_u: DVec3, along_v: DVec3) -> Self {
+        Self::patch((1, 1), false, |r, c| {
+            let (u, v) = (c as f64, r as f64);
+            let uv = Vec2::new((u * along_u.length()) as f32, (v * along_v.length()) as f32);
+            (origin + u * along_u + v * along_v, uv)
+        })
+    }
+
+    /// Adds another mesh to this one.
+    pub(super) fn append(&mut self, other: Self) {
+        let base = self.positions.len() as u32;
+        self.positions.extend(other.positions);
+        self.normals.extend(other.normals);
+        self.uv.extend(other.uv);
+        self.triangles.extend(other.triangles.into_iter().map(|t| t.map(|v| v + base)));
+    }
+
+    /// Sum of the triangles' areas, square metres; a thin sheet's one side.
+    pub(super) fn area_m2(&self) -> f64 {
+        self.triangles.iter().map(|&t| 0.5 * face_normal(&self.positions, t).length()).sum()
+    }
+}
+
+/// Normal of a triangle, as long as twice its area.
+pub(super) fn face_normal(positions: &[DVec3], triangle: [u32; 3]) -> DVec3 {
+    let [a, b, c] = triangle.map(|v| positions[v as usize]);
+    (b - a).cross(c - a)
+}
+
+fn face_sums(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
+    let mut sums = vec![DVec3::ZERO; positions.len()];
+    for &triangle in triangles {
+        let normal = face_normal(positions, triangle);
+        for vertex in triangle {
+            sums[vertex as usize] += normal;
+        }
+    }
+    sums
+}

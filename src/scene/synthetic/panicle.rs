@@ -1,0 +1,138 @@
+use glam::{DQuat, DVec3};
+
+use super::curve::{Curve, Station};
+use super::dice::Dice;
+use super::mesh::Mesh;
+
+/// Grains are spheroids of 7 × 3 mm.
+pub(super) const GRAIN_LENGTH_M: f64 = 0.007;
+pub(super) const GRAIN_WIDTH_M: f64 = 0.003;
+/// Grains lie at least 1 mm apart.
+const GAP_M: f64 = 0.001;
+const BRANCHES: usize = 14;
+const MIN_GRAINS: usize = 80;
+const MAX_GRAINS: usize = 120;
+
+/// A grain: centre and unit axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Grain {
+    centre: DVec3,
+    axis: DVec3,
+}
+
+/// A panicle: a drooping rachis with branches that carry the grains.
+pub(super) struct Panicle {
+    rachis: Curve,
+    neck_radius_m: f64,
+    branches: Vec<Curve>,
+    pub(super) grains: Vec<Grain>,
+    stalks: Vec<(DVec3, DVec3)>,
+}
+
+impl Panicle {
+    /// Grows out of the upper end of a culm of the given radius, drooping towards the compass direction `azimuth`.
+    pub(super) fn grow(neck: Station, neck_radius_m: f64, azimuth: f64, dice: &mut Dice) -> Self {
+        let tip = dice.range(-50.0, -20.0_f64).to_radians();
+        let level = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
+        let to = tip.cos() * level + tip.sin() * DVec3::Z;
+        let rachis = Curve::turning(neck.x, neck.tangent, to, 1.6, dice.range(0.150, 0.170), neck.side);
+        let branches = (0..BRANCHES).map(|k| branch(&rachis, k, dice)).collect();
+        let mut panicle = Self { rachis, neck_radius_m, branches, grains: Vec::new(), stalks: Vec::new() };
+        panicle.set_grains(dice);
+        panicle
+    }
+
+    /// Places grains beside the branches in passes until there are enough; one that would lie too near another is
+    /// left out.
+    fn set_grains(&mut self, dice: &mut Dice) {
+        for pass in 0..40 {
+            for k in 0..self.branches.len() {
+                let length = self.branches[k].length_m();
+                let mut at_m = 0.010 + dice.range(0.0, 0.004);
+                while at_m < length && self.grains.len() < MAX_GRAINS {
+                    let station = self.branches[k].at(at_m);
+                    self.try_grain(&station, dice);
+                    at_m += dice.range(0.0042, 0.0055);
+                }
+            }
+            if pass >= 1 && self.grains.len() >= MIN_GRAINS {
+                return;
+            }
+        }
+    }
+
+    fn try_grain(&mut self, station: &Station, dice: &mut Dice) {
+        let angle = dice.range(0.0, std::f64::consts::TAU);
+        let outward = angle.cos() * station.side + angle.sin() * station.up;
+        let lean = dice.range(0.25, 0.6_f64);
+        let axis = (lean.cos() * station.tangent + lean.sin() * outward).normalize();
+        let foot = station.x + 0.0016 * outward;
+        let grain = Grain { centre: foot + 0.5 * GRAIN_LENGTH_M * axis, axis };
+        if self.grains.iter().all(|other| grain.is_clear_of(other)) {
+            self.grains.push(grain);
+            self.stalks.push((station.x, foot + 0.0004 * axis));
+        }
+    }
+
+    pub(super) fn grain_mesh(grain: &Grain) -> Mesh {
+        Mesh::spheroid(grain.centre, grain.axis, 0.5 * GRAIN_LENGTH_M, 0.5 * GRAIN_WIDTH_M)
+    }
+
+    /// Rachis, branches and the grains' stalks in one.
+    pub(super) fn axes_mesh(&self) -> Mesh {
+        let length = self.rachis.length_m();
+        let neck = self.neck_radius_m;
+        let rachis_radius = |at: f64| 0.0010 - 0.0006 * at / length + (neck - 0.0010) * (-(at / 0.004)).exp();
+        let mut mesh = Mesh::tube(&self.rachis, (100, 10), rachis_radius);
+        for branch in &self.branches {
+            let length = branch.length_m();
+            mesh.append(Mesh::tube(branch, (24, 6), |at| 0.000_45 - 0.000_2 * at / length));
+        }
+        for &(from, to) in &self.stalks {
+            let along = (to - from).normalize_or(DVec3::Z);
+            let curve = Curve::turning(from, along, along, 1.0, (to - from).length(), along.any_orthonormal_vector());
+            mesh.append(Mesh::tube(&curve, (1, 5), |_| 0.000_25));
+        }
+        mesh
+    }
+}
+
+/// The `k`-th branch: leaves the rachis in a spiral (137.5°), the lower the longer, and bends down.
+fn branch(rachis: &Curve, k: usize, dice: &mut Dice) -> Curve {
+    let share = 0.12 + 0.80 * (k as f64 + dice.range(-0.25, 0.25)) / (BRANCHES - 1) as f64;
+    let station = rachis.at(share.clamp(0.05, 0.97) * rachis.length_m());
+    let outward = DQuat::from_axis_angle(station.tangent, 2.4 * k as f64 + dice.range(-0.3, 0.3)) * station.side;
+    let angle = dice.range(0.42, 0.75_f64);
+    let from = (angle.cos() * station.tangent + angle.sin() * outward).normalize();
+    let to = (from - 0.55 * DVec3::Z).normalize();
+    let length = 0.062 - 0.026 * share + dice.range(-0.006, 0.006);
+    Curve::turning(station.x, from, to, 1.0, length, station.tangent.cross(outward))
+}
+
+impl Grain {
+    /// Whether the gap to another grain is kept for certain: a spheroid lies inside the capsule of its own width and
+    /// length, and the capsules' axes are compared.
+    fn is_clear_of(&self, other: &Self) -> bool {
+        segment_distance(self.capsule(), other.capsule()) > GRAIN_WIDTH_M + GAP_M + 1e-5
+    }
+
+    fn capsule(&self) -> (DVec3, DVec3) {
+        let half = 0.5 * (GRAIN_LENGTH_M - GRAIN_WIDTH_M) * self.axis;
+        (self.centre - half, self.centre + half)
+    }
+}
+
+/// Distance between two segments (Ericson, "Real-Time Collision Detection", 2005, section 5.1.9).
+fn segment_distance((p0, p1): (DVec3, DVec3), (q0, q1): (DVec3, DVec3)) -> f64 {
+    let (d, e, r) = (p1 - p0, q1 - q0, p0 - q0);
+    let (a, b, c, f, g) = (d.dot(d), d.dot(e), d.dot(r), e.dot(e), e.dot(r));
+    let denominator = a * f - b * b;
+    let s = if denominator > 1e-18 { ((b * g - c * f) / denominator).clamp(0.0, 1.0) } else { 0.0 };
+    let t = (b * s + g) / f;
+    let (s, t) = match t {
+        t if t < 0.0 => ((-c / a).clamp(0.0, 1.0), 0.0),
+        t if t > 1.0 => (((b - c) / a).clamp(0.0, 1.0), 1.0),
+        t => (s, t),
+    };
+    (r + s * d - t * e).length()
+}

@@ -1,0 +1,48 @@
+use anyhow::Result;
+
+use super::{Command, JobId, Session};
+
+impl Session {
+    /// Carries out a wish: quick things at once, the rest as a job whose end [`Session::poll`] tells of.
+    ///
+    /// # Errors
+    /// When it cannot be done; nothing has changed then.
+    pub fn act(&mut self, command: Command) -> Result<Option<JobId>> {
+        let begun = self.begin(&command)?;
+        match begun.and_then(|id| self.jobs.get_mut(id)) {
+            Some(job) => job.command = Some(command),
+            None => self.record(Some(command)),
+        }
+        Ok(begun)
+    }
+
+    fn begin(&mut self, command: &Command) -> Result<Option<JobId>> {
+        match command {
+            Command::New(new) => self.new_project(new).map(Some),
+            Command::Open(root) => self.open_project(root).map(Some),
+            Command::Inspect(path) => self.inspect(path).map(Some),
+            Command::Close => self.close().map(|()| None),
+            Command::AddFrames(new) => self.add_frames(new).map(Some),
+            Command::Relocate { from, to } => self.relocate(from, to).map(Some),
+            Command::AddLabel { name, parent, color } => self.add_label(name, parent.as_deref(), *color).map(|()| None),
+            Command::EditLabel(label) => self.edit_label(label).map(|()| None),
+            Command::RemoveLabel(id) => self.remove_label(*id).map(|()| None),
+            Command::Prompt(request) => self.prompt(request),
+            Command::Paint(request) => self.paint(request).map(|()| None),
+            Command::MakeAnchor { frame } => self.make_anchor(*frame).map(|()| None),
+            Command::ClearMask { frame } => self.clear_mask(*frame).map(|()| None),
+            Command::ImportMasks { dir, format } => self.import_masks(dir, format).map(Some),
+            Command::ExportMasks { dir, format } => self.export_masks(dir, format).map(Some),
+            Command::Track(settings) => self.track(settings).map(Some),
+            Command::Reconstruct(request) => self.reconstruct(request).map(Some),
+            Command::Fuse(request) => self.fuse(request).map(Some),
+            Command::Export(request) => self.export(request).map(Some),
+            Command::Undo => self.undo().map(|()| None),
+            Command::Redo => self.redo().map(|()| None),
+            Command::Stop => Ok({
+                self.stop_all();
+                None
+            }),
+        }
+    }
+}

@@ -1,0 +1,107 @@
+use std::cell::Cell;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+
+use super::jobs::{Kind, Landing};
+use super::store::{cloud_path, version_in_force, votes_path};
+use super::{Event, JobId, Session};
+use crate::scene::LabelledCloud;
+use crate::scene::fuse::{Votes, read_votes};
+use crate::scene::ply::read_ply;
+
+/// The labelled cloud that was loaded or made last.
+#[derive(Default)]
+pub(super) struct CloudSlot {
+    loaded: Option<Loaded>,
+    /// Somebody asked for the project's cloud since it was last loaded.
+    wanted: Cell<bool>,
+    /// The version that is being loaded or could not be.
+    tried: Option<u64>,
+}
+
+struct Loaded {
+    /// Which version of the project's; `None` = inspected alone.
+    version: Option<u64>,
+    cloud: Arc<LabelledCloud>,
+    votes: Option<Arc<Votes>>,
+}
+
+impl CloudSlot {
+    pub(super) fn put(&mut self, version: Option<u64>, cloud: LabelledCloud, votes: Option<Votes>) {
+        self.tried = None;
+        self.loaded = Some(Loaded { version, cloud: Arc::new(cloud), votes: votes.map(Arc::new) });
+    }
+}
+
+impl Session {
+    /// The project's labelled cloud, or that of the PLY which is inspected. A project's cloud is loaded by a job when
+    /// it is first asked for: `None` until [`Event::CloudChanged`]. Names and colours in its tree are those of the
+    /// time it was loaded; the project's own are the newest.
+    #[must_use]
+    pub fn cloud(&self) -> Option<&Arc<LabelledCloud>> {
+        self.loaded_cloud().map(|loaded| &loaded.cloud)
+    }
+
+    /// The votes behind the cloud's labels, as [`Self::cloud`]; `None` for a PLY that is inspected.
+    #[must_use]
+    pub fn votes(&self) -> Option<&Arc<Votes>> {
+        self.loaded_cloud()?.votes.as_ref()
+    }
+
+    fn loaded_cloud(&self) -> Option<&Loaded> {
+        let version = self.project().and_then(|project| version_in_force(project));
+        if self.open.is_some() && version.is_none() {
+            return None;
+        }
+        let loaded = self.cloud.loaded.as_ref().filter(|loaded| loaded.version == version);
+        if loaded.is_none() && version.is_some() {
+            self.cloud.wanted.set(true);
+        }
+        loaded
+    }
+
+    /// Starts to load the cloud that was asked for.
+    pub(super) fn load_wanted_cloud(&mut self) {
+        let version = self.project().and_then(|project| version_in_force(project));
+        if !self.cloud.wanted.take() || version.is_none() || self.cloud.tried == version {
+            return;
+        }
+        self.cloud.tried = version;
+        let (Some(version), Some(root)) = (version, self.root().map(Path::to_owned)) else { return };
+        self.start("Load cloud", Kind::Short, move |link| {
+            let path = cloud_path(&root, version);
+            let read = read_ply(&path, &link.progress)
+                .with_context(|| "the cloud of this step is not kept any more; fuse again")?;
+            let votes = read_votes_file(&votes_path(&root, version)).ok();
+            Ok(Box::new(move |session: &mut Self| {
+                session.cloud.put(Some(version), read.cloud, votes);
+                session.events.push(Event::CloudChanged);
+                Ok(())
+            }) as Landing)
+        });
+    }
+
+    pub(super) fn inspect(&mut self, path: &Path) -> Result<JobId> {
+        let path = std::path::absolute(path).with_context(|| format!("{}: is no path", path.display()))?;
+        Ok(self.start("Open cloud", Kind::Short, move |link| {
+            let read = read_ply(&path, &link.progress)?;
+            Ok(Box::new(move |session: &mut Self| {
+                session.close()?;
+                session.cloud.put(None, read.cloud, None);
+                session.inspected = Some(path.clone());
+                session.events.extend([Event::Inspecting(path), Event::CloudChanged]);
+                session.warn_all(read.warnings);
+                Ok(())
+            }) as Landing)
+        }))
+    }
+}
+
+fn read_votes_file(path: &Path) -> Result<Votes> {
+    let file = File::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    read_votes(BufReader::new(file)).with_context(|| format!("{}: is damaged; fuse again", path.display()))
+}

@@ -1,0 +1,31 @@
+use std::io::BufWriter;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::{Context, Result};
+use rayon::prelude::*;
+use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
+
+use crate::engine::job::Progress;
+use crate::frames::{DepthMap, FrameStore};
+use crate::session::Project;
+
+/// Writes the depth of every frame that has any as a 32-bit float TIFF in world units, 0 = unknown.
+pub fn write(folder: &Path, project: &Project, store: &FrameStore, progress: &Progress) -> Result<()> {
+    progress.stage("write depths")?;
+    let done = AtomicUsize::new(0);
+    let stems = super::masks::stems(project)?;
+    project.frames.par_iter().zip(&stems).try_for_each(|(frame, stem)| {
+        progress.step(done.fetch_add(1, Ordering::Relaxed), project.frames.len())?;
+        let Some(depth) = store.depth(frame)? else { return Ok(()) };
+        write_tiff(&folder.join(format!("{stem}.tiff")), &depth)
+    })
+}
+
+fn write_tiff(path: &Path, depth: &DepthMap) -> Result<()> {
+    super::make_folder_of(path)?;
+    let failed = || format!("{}: cannot be written; check permissions and free space", path.display());
+    let file = std::fs::File::create(path).with_context(failed)?;
+    let mut encoder = TiffEncoder::new(BufWriter::new(file)).with_context(failed)?;
+    encoder.write_image::<Gray32Float>(depth.width, depth.height, &depth.depths).with_context(failed)
+}

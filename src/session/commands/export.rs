@@ -1,0 +1,116 @@
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail, ensure};
+
+use crate::engine::job::Progress;
+use crate::frames::FrameStore;
+use crate::frames::cameras::write_colmap_model;
+use crate::masks::MaskFormat;
+use crate::scene::LabelledCloud;
+use crate::scene::ply::{Coloring, read_ply, save_per_label, save_ply, twin_path};
+use crate::session::jobs::{Kind, Landing};
+use crate::session::store::{cloud_path, version_in_force};
+use crate::session::{ExportRequest, JobId, Project, Session};
+
+/// What an export reads: snapshots.
+struct Sources {
+    project: Arc<Project>,
+    store: Arc<FrameStore>,
+    /// The labelled cloud in memory, or where it lies.
+    cloud: Option<Arc<LabelledCloud>>,
+    cloud_file: Option<PathBuf>,
+}
+
+impl Session {
+    pub(in crate::session) fn export(&mut self, request: &ExportRequest) -> Result<JobId> {
+        let sources = self.export_sources()?;
+        check(request, &sources)?;
+        let request = request.clone();
+        Ok(self.start("Export", Kind::Short, move |link| {
+            write(&request, &sources, &link.progress)?;
+            Ok(Box::new(|_: &mut Self| Ok(())) as Landing)
+        }))
+    }
+
+    /// A PLY that is inspected alone can be exported too: its cloud is all there is.
+    fn export_sources(&self) -> Result<Sources> {
+        let inspecting = self.inspected.is_some();
+        let project = if inspecting { Arc::default() } else { self.snapshot()? };
+        let version = version_in_force(&project);
+        let cloud_file = version.and_then(|version| Some(cloud_path(self.root()?, version)));
+        Ok(Sources { project, store: Arc::clone(&self.store), cloud: self.cloud().cloned(), cloud_file })
+    }
+}
+
+fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
+    let ExportRequest { cloud, mesh, voxels, cameras, masks, depths, traits, .. } = request;
+    ensure!(mesh.is_none(), "the project has no mesh; this version makes none yet, export the cloud instead");
+    ensure!(voxels.is_none(), "the project has no voxels; this version makes none yet, export the cloud instead");
+    let anything = [cloud, cameras, masks, depths, traits].into_iter().any(Option::is_some);
+    ensure!(anything, "nothing to export was named; choose a cloud, cameras, masks, depths or traits");
+    let has_cloud = sources.cloud.is_some() || sources.cloud_file.is_some();
+    ensure!(has_cloud || (cloud.is_none() && traits.is_none()), "the project has no cloud yet; fuse first");
+    let frames = &sources.project.frames;
+    ensure!(
+        cameras.is_none() || frames.iter().any(|frame| frame.posed_camera().is_some()),
+        "no frame has a camera with a pose; give cameras first"
+    );
+    ensure!(
+        depths.is_none() || frames.iter().any(|frame| frame.depth.is_some()),
+        "no frame has depth; give depth pictures first"
+    );
+    ensure!(request.level != Some(0), "levels count from 1, the top level");
+    Ok(())
+}
+
+fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Result<()> {
+    if request.cloud.is_some() || request.traits.is_some() {
+        let cloud = load_cloud(sources, progress)?;
+        request.cloud.as_deref().map_or(Ok(()), |path| write_cloud(path, &cloud, request, progress))?;
+        ensure!(request.traits.is_none(), "traits cannot be measured yet");
+    }
+    if let Some(folder) = &request.cameras {
+        write_colmap_model(folder, &sources.project.frames, &[])?;
+    }
+    if let Some(folder) = &request.masks {
+        super::masks::write(folder, MaskFormat::Davis, &sources.project, request.level, progress)?;
+    }
+    if let Some(folder) = &request.depths {
+        super::depths::write(folder, &sources.project, &sources.store, progress)?;
+    }
+    Ok(())
+}
+
+/// The cloud, under the label names of today.
+fn load_cloud(sources: &Sources, progress: &Progress) -> Result<LabelledCloud> {
+    let mut cloud = match (&sources.cloud, &sources.cloud_file) {
+        (Some(cloud), _) => LabelledCloud::clone(cloud),
+        (None, Some(path)) => read_ply(path, progress).context("the project's cloud is gone; fuse again")?.cloud,
+        (None, None) => bail!("there is no cloud"),
+    };
+    if sources.cloud_file.is_some() {
+        let mut tree = sources.project.labels.clone();
+        // Labels taken out since the cloud was made keep their former names in it.
+        for label in cloud.tree.iter().filter(|label| sources.project.labels.get(label.id).is_none()) {
+            let _ = tree.set(crate::masks::Label { parent: None, ..label.clone() });
+        }
+        cloud.tree = tree;
+    }
+    Ok(cloud)
+}
+
+fn write_cloud(path: &Path, cloud: &LabelledCloud, request: &ExportRequest, progress: &Progress) -> Result<()> {
+    progress.stage("write cloud")?;
+    super::make_folder_of(path)?;
+    let coarse = request.level.map(|level| cloud.at_level(level));
+    let cloud = coarse.as_ref().unwrap_or(cloud);
+    save_ply(path, cloud, Coloring::Picture, progress)?;
+    if request.twin {
+        save_ply(&twin_path(path), cloud, Coloring::Labels, progress)?;
+    }
+    if request.per_label {
+        save_per_label(path, cloud, progress)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,69 @@
+use std::borrow::Cow;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Result, ensure};
+
+use super::paint::anchor_of;
+use crate::engine::job::Progress;
+use crate::masks::{Imported, MaskFormat, MaskFrame, export_masks, file_stems, import_masks};
+use crate::session::jobs::{Kind, Landing};
+use crate::session::{Edit, JobId, Project, Session};
+
+impl Session {
+    pub(in crate::session) fn import_masks(&mut self, dir: &Path, format: &str) -> Result<JobId> {
+        let (project, dir) = (self.snapshot()?, dir.to_owned());
+        let format: MaskFormat = format.parse()?;
+        Ok(self.start("Import masks", Kind::Short, move |link| {
+            let imported = import_masks(&dir, format, &mask_frames(&project), &project.labels, &link.progress)?;
+            Ok(Box::new(move |session: &mut Self| session.take_masks(imported)) as Landing)
+        }))
+    }
+
+    /// Imported frames are anchors.
+    fn take_masks(&mut self, imported: Imported) -> Result<()> {
+        let Imported { masks, new_labels, warnings } = imported;
+        let title = format!("Import {} masks", masks.len());
+        let labels = new_labels.into_iter().map(|label| Edit::SetLabel { id: label.id, label: Some(label) });
+        let masks =
+            masks.into_iter().map(|(frame, runs)| Edit::SetMask { frame, mask: Some(anchor_of(Arc::new(runs))) });
+        self.commit(&title, labels.chain(masks).collect())?;
+        self.warn_all(warnings);
+        Ok(())
+    }
+
+    pub(in crate::session) fn export_masks(&mut self, dir: &Path, format: &str) -> Result<JobId> {
+        let (project, dir) = (self.snapshot()?, dir.to_owned());
+        let format: MaskFormat = format.parse()?;
+        ensure!(!project.masks.is_empty(), "no frame has a mask; prompt, paint or track first");
+        Ok(self.start("Export masks", Kind::Short, move |link| {
+            write(&dir, format, &project, None, &link.progress)?;
+            Ok(Box::new(|_: &mut Self| Ok(())) as Landing)
+        }))
+    }
+}
+
+/// Writes all masks of a project; `level` reads deeper labels as their ancestor there.
+pub fn write(
+    folder: &Path,
+    format: MaskFormat,
+    project: &Project,
+    level: Option<usize>,
+    progress: &Progress,
+) -> Result<()> {
+    let at_level = |runs| match level {
+        Some(level) => Cow::Owned(crate::masks::RunMask::at_level(runs, &project.labels, level)),
+        None => Cow::Borrowed(runs),
+    };
+    let masks = project.masks.iter().map(|(&frame, mask)| (frame, at_level(mask.runs.as_ref())));
+    Ok(export_masks(folder, format, &mask_frames(project), masks, &project.labels, progress)?)
+}
+
+/// A path without ending for each frame's file below a folder of exports.
+pub fn stems(project: &Project) -> Result<Vec<String>> {
+    Ok(file_stems(&mask_frames(project))?)
+}
+
+fn mask_frames(project: &Project) -> Vec<MaskFrame<'_>> {
+    project.frames.iter().map(MaskFrame::from).collect()
+}

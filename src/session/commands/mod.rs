@@ -1,0 +1,20 @@
+//! What each `Command` does: one file a group, each an `impl Session`.
+//!
+//! May use: what `session` may. Must not touch: the folder on disk but through `OpenProject`.
+
+mod depths;
+mod export;
+mod folders;
+mod fuse;
+mod labels;
+mod masks;
+mod open;
+mod paint;
+mod prompt;
+mod reconstruct;
+mod relocate;
+mod track;
+mod undo;
+
+use folders::make_folder_of;
+pub(super) use track::TrackRun;

@@ -1,0 +1,146 @@
+use std::path::{Path, absolute};
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail, ensure};
+
+use crate::engine::job::Progress;
+use crate::frames::cameras::{GivenCameras, attach_intrinsics};
+use crate::frames::{self, Frame, OpenRequest, Opened, PictureSource};
+use crate::session::jobs::{Kind, Landing};
+use crate::session::store::Folder;
+use crate::session::{Edit, Event, JobId, NewProject, OpenProject, Project, Session};
+
+impl Session {
+    pub(in crate::session) fn new_project(&mut self, new: &NewProject) -> Result<JobId> {
+        let new = NewProject { root: full_path(&new.root)?, ..new.clone() };
+        Folder::check_new(&new.root)?;
+        Ok(self.start("Open frames", Kind::Short, move |link| {
+            let opened = read_frames(&new, &link.progress)?;
+            let project = Project { frames: Arc::default(), ..Project::default() };
+            let project = with_frames(project, opened.frames)?;
+            let open = OpenProject::create(&new.root, project)?;
+            Ok(take_open(open, opened.warnings))
+        }))
+    }
+
+    pub(in crate::session) fn open_project(&mut self, root: &Path) -> Result<JobId> {
+        let root = full_path(root)?;
+        ensure!(self.root() != Some(root.as_path()), "{}: is open already", root.display());
+        Ok(self.start("Open project", Kind::Short, move |link| {
+            let mut loaded = Folder::open(&root, &link.progress)?;
+            let warnings = std::mem::take(&mut loaded.warnings);
+            Ok(take_open(OpenProject::loaded(loaded), warnings))
+        }))
+    }
+
+    pub(in crate::session) fn close(&mut self) -> Result<()> {
+        self.discard_jobs();
+        self.save()?;
+        self.preparing = None;
+        let was_open = self.open.take().is_some() | self.inspected.take().is_some();
+        if was_open {
+            self.events.push(Event::Closed);
+        }
+        Ok(())
+    }
+
+    pub(in crate::session) fn add_frames(&mut self, new: &NewProject) -> Result<JobId> {
+        let project = self.snapshot()?;
+        let new = new.clone();
+        Ok(self.start("Add frames", Kind::Short, move |link| {
+            let Opened { frames, warnings } = read_frames(&new, &link.progress)?;
+            let frames = with_free_names(frames, &project)?;
+            Ok(Box::new(move |session: &mut Self| {
+                let title = format!("Add {} frames", frames.len());
+                session.commit(&title, vec![Edit::AddFrames { frames }])?;
+                session.warn_all(warnings);
+                Ok(())
+            }))
+        }))
+    }
+}
+
+/// Puts a project in the place of what is open.
+fn take_open(open: OpenProject, warnings: Vec<String>) -> Landing {
+    Box::new(move |session| {
+        session.close()?;
+        session.events.push(Event::Opened(open.root().to_owned()));
+        session.open = Some(open);
+        session.tell_changed();
+        session.warn_all(warnings);
+        Ok(())
+    })
+}
+
+fn full_path(path: &Path) -> Result<std::path::PathBuf> {
+    absolute(path).with_context(|| format!("{}: is no path", path.display()))
+}
+
+fn with_frames(mut project: Project, frames: Vec<Frame>) -> Result<Project> {
+    project.apply(Edit::AddFrames { frames })?;
+    Ok(project)
+}
+
+/// Reads what is asked for, with cameras. These are matched before frames are left out: some formats count them.
+fn read_frames(new: &NewProject, progress: &Progress) -> Result<Opened> {
+    let all = OpenRequest { every: 1, from: None, to: None, ..new.open.clone() };
+    let request = if new.cameras.is_some() { &all } else { &new.open };
+    let mut opened = frames::open(request, progress)?;
+    if let Some(intrinsics) = new.intrinsics {
+        attach_intrinsics(&mut opened.frames, intrinsics)?;
+    }
+    if let Some(path) = &new.cameras {
+        let warnings = GivenCameras::read(path)?.match_to(&mut opened.frames)?;
+        opened.warnings.extend(warnings);
+        opened.frames = thinned(opened.frames, &new.open)?;
+    }
+    Ok(opened)
+}
+
+fn thinned(frames: Vec<Frame>, request: &OpenRequest) -> Result<Vec<Frame>> {
+    ensure!(request.every > 0, "every 0th frame is none; give 1 or more");
+    let count = frames.len();
+    let (from, to) = (request.from.unwrap_or(0), request.to.unwrap_or(usize::MAX));
+    let taken: Vec<Frame> = frames
+        .into_iter()
+        .enumerate()
+        .filter(|(number, _)| (from..=to).contains(number) && (number - from).is_multiple_of(request.every))
+        .map(|(_, frame)| frame)
+        .collect();
+    ensure!(!taken.is_empty(), "no frame is left between {from} and {to}; the sources have {count}");
+    Ok(taken)
+}
+
+/// Frames whose names are taken already get as many more of their path's last parts in front as make all differ.
+fn with_free_names(mut frames: Vec<Frame>, project: &Project) -> Result<Vec<Frame>> {
+    let taken: std::collections::BTreeSet<&str> = project.frames.iter().map(|frame| frame.name.as_str()).collect();
+    if !frames.iter().any(|frame| taken.contains(frame.name.as_str())) {
+        return Ok(frames);
+    }
+    for more in 1..64 {
+        let names: Vec<String> = frames.iter().map(|frame| longer_name(frame, more)).collect();
+        let distinct = names.iter().collect::<std::collections::BTreeSet<_>>().len() == names.len();
+        if distinct && !names.iter().any(|name| taken.contains(name.as_str())) {
+            frames.iter_mut().zip(names).for_each(|(frame, name)| frame.name = name);
+            return Ok(frames);
+        }
+    }
+    let name = frames.iter().find(|frame| taken.contains(frame.name.as_str())).map_or("", |frame| &frame.name);
+    bail!("frame '{name}' is in the project already; leave it out")
+}
+
+fn longer_name(frame: &Frame, more: usize) -> String {
+    let (path, below) = match &frame.picture {
+        PictureSource::File { path, .. } => (path, 0),
+        PictureSource::Film { path, .. } => (path, 1),
+    };
+    let parts: Vec<_> =
+        path.iter().filter_map(|part| part.to_str()).filter(|part| !part.contains(['/', '\\'])).collect();
+    let shown = frame.name.split('/').count() - below;
+    let first = parts.len().saturating_sub(shown + more);
+    let mut name = parts[first..].join("/");
+    if let (1, Some((_, number))) = (below, frame.name.rsplit_once('/')) {
+        name = format!("{name}/{number}");
+    }
+    name
+}

@@ -1,0 +1,79 @@
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+
+use crate::masks::{LabelMask, PaintRule, Region, RunMask, assign, erase, fill_polygons, stroke};
+use crate::session::{Edit, FrameMask, MaskOrigin, PaintRequest, Project, Session};
+
+impl Session {
+    pub(in crate::session) fn paint(&mut self, request: &PaintRequest) -> Result<()> {
+        let project = self.snapshot()?;
+        let name = label_name(&project, request.label)?;
+        let mut mask = mask_of(&project, request.frame)?;
+        let region = painted(&mask, request)?;
+        if request.erase {
+            erase(&mut mask, &region, Some(request.label))?;
+        } else {
+            let rule = if request.replace { PaintRule::Replace } else { PaintRule::Protect };
+            assign(&mut mask, &region, request.label, rule, &project.labels)?;
+        }
+        let verb = if request.erase { "Erase" } else { "Paint" };
+        let edit = Edit::SetMask { frame: request.frame, mask: Some(anchor(&mask)) };
+        self.commit(&format!("{verb} {name} on frame {}", request.frame), vec![edit])
+    }
+
+    pub(in crate::session) fn make_anchor(&mut self, frame: usize) -> Result<()> {
+        let project = self.snapshot()?;
+        project.frame(frame)?;
+        let mask =
+            project.masks.get(&frame).with_context(|| format!("frame {frame} has no mask; prompt or track first"))?;
+        if mask.origin == MaskOrigin::Anchor {
+            bail!("frame {frame} is an anchor already");
+        }
+        let mask = anchor_of(Arc::clone(&mask.runs));
+        self.commit(&format!("Make frame {frame} an anchor"), vec![Edit::SetMask { frame, mask: Some(mask) }])
+    }
+
+    pub(in crate::session) fn clear_mask(&mut self, frame: usize) -> Result<()> {
+        let project = self.snapshot()?;
+        project.frame(frame)?;
+        let prompts = project.prompts.keys().filter(|(of, _)| *of == frame);
+        let mut edits: Vec<Edit> =
+            prompts.map(|&(frame, label)| Edit::SetPrompt { frame, label, prompt: None }).collect();
+        edits.push(Edit::SetMask { frame, mask: None });
+        self.commit(&format!("Clear frame {frame}"), edits)
+    }
+}
+
+fn painted(mask: &LabelMask, request: &PaintRequest) -> Result<Region> {
+    let (width, height) = (mask.width, mask.height);
+    Ok(if request.radius_px == 0.0 {
+        fill_polygons(width, height, std::slice::from_ref(&request.points_px))?
+    } else {
+        stroke(width, height, &request.points_px, request.radius_px)?
+    })
+}
+
+/// A frame's mask as pixels; nothing anywhere when it has none.
+pub fn mask_of(project: &Project, frame: usize) -> Result<LabelMask> {
+    let of = project.frame(frame)?;
+    let mask = project.masks.get(&frame).map(|mask| mask.runs.decode());
+    Ok(mask.unwrap_or_else(|| LabelMask::empty(of.width, of.height)))
+}
+
+/// The name of a label that must be there.
+pub fn label_name(project: &Project, id: crate::masks::LabelId) -> Result<&str> {
+    let label = project.labels.get(id).with_context(|| format!("there is no label {}; make it first", id.0))?;
+    Ok(&label.name)
+}
+
+/// The mask as an anchor holds it.
+pub fn anchor(mask: &LabelMask) -> FrameMask {
+    anchor_of(Arc::new(RunMask::encode(mask)))
+}
+
+/// Runs as an anchor holds them.
+pub fn anchor_of(runs: Arc<RunMask>) -> FrameMask {
+    FrameMask { runs, origin: MaskOrigin::Anchor, stale: false, confidence: BTreeMap::new() }
+}

@@ -1,0 +1,126 @@
+use std::sync::Arc;
+
+use anyhow::{Result, ensure};
+
+use super::paint::{anchor, label_name, mask_of};
+use crate::masks::{
+    LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, taken_by_others,
+};
+use crate::session::jobs::{Kind, Landing};
+use crate::session::{Edit, Event, JobId, Project, PromptRequest, Session, engines};
+
+impl Session {
+    pub(in crate::session) fn prompt(&mut self, request: &PromptRequest) -> Result<Option<JobId>> {
+        let project = self.snapshot()?;
+        let frame = project.frame(request.frame)?.clone();
+        label_name(&project, request.label)?;
+        if request.prompt.is_empty() {
+            self.supersede(request);
+            return self.take_off(&project, request.frame, request.label).map(|()| None);
+        }
+        let segmenter = engines::segmenter(&request.segmenter)?;
+        self.supersede(request);
+        if request.segmenter == "auto" && self.told_segmenter.replace(segmenter.name()) != Some(segmenter.name()) {
+            self.events.push(Event::Notice(format!("segmenter: {}", segmenter.name())));
+        }
+        let (prepared, store, request) = (Arc::clone(&self.prepared), Arc::clone(&self.store), request.clone());
+        let kind = Kind::Prompt { frame: request.frame, label: request.label };
+        Ok(Some(self.start("Segment", kind, move |link| {
+            let ready = prepared.get(segmenter.as_ref(), &frame, &store, &link.progress)?;
+            link.progress.stage("segment")?;
+            let region = answer(ready.as_ref(), &project, &request)?;
+            Ok(Box::new(move |session: &mut Self| session.take_answer(&request, &region)) as Landing)
+        })))
+    }
+
+    /// Makes a frame ready for prompts in the background; the frame asked for last goes first.
+    pub fn prepare(&mut self, frame: usize, segmenter: &str) {
+        let Ok(segmenter) = engines::segmenter(segmenter) else { return };
+        let Some(frame) = self.project().and_then(|project| project.frames.get(frame)).cloned() else { return };
+        if self.preparing.as_deref() == Some(&frame.name) {
+            return;
+        }
+        self.jobs.iter().filter(|job| job.title == PREPARE).for_each(crate::session::jobs::Job::stop);
+        self.preparing = Some(frame.name.clone());
+        let (prepared, store) = (Arc::clone(&self.prepared), Arc::clone(&self.store));
+        self.start(PREPARE, Kind::Background, move |link| {
+            prepared.get(segmenter.as_ref(), &frame, &store, &link.progress)?;
+            Ok(Box::new(|_: &mut Self| Ok(())) as Landing)
+        });
+    }
+
+    /// A prompt for the same label and frame that is still being answered is no longer wanted.
+    fn supersede(&mut self, request: &PromptRequest) {
+        let same = Kind::Prompt { frame: request.frame, label: request.label };
+        for job in self.jobs.iter_mut().filter(|job| job.kind == same) {
+            job.stop();
+            job.discarded = true;
+        }
+    }
+
+    /// Composes an answer into the frame's mask as it is now.
+    fn take_answer(&mut self, request: &PromptRequest, region: &Region) -> Result<()> {
+        let project = self.snapshot()?;
+        let PromptRequest { frame, label, prompt, .. } = request;
+        let mut mask = mask_of(&project, *frame)?;
+        let yielding = unprompted(&project, *frame, *label);
+        compose(&mut mask, region, *label, prompt, &yielding, &project.labels)?;
+        let title = format!("Prompt {} on frame {frame}", label_name(&project, *label)?);
+        let edits = vec![
+            Edit::SetPrompt { frame: *frame, label: *label, prompt: Some(prompt.clone()) },
+            Edit::SetMask { frame: *frame, mask: Some(anchor(&mask)) },
+        ];
+        self.commit(&title, edits)
+    }
+
+    /// Takes a label off a frame; a frame on which nothing is left is no anchor any more.
+    fn take_off(&mut self, project: &Project, frame: usize, label: LabelId) -> Result<()> {
+        let mut mask = mask_of(project, frame)?;
+        let everywhere = Region { inside: vec![true; mask.ids.len()], width: mask.width, height: mask.height };
+        let taken = erase(&mut mask, &everywhere, Some(label))?;
+        let name = label_name(project, label)?;
+        let given = project.prompts.contains_key(&(frame, label));
+        ensure!(given || taken > 0, "label '{name}' is not on frame {frame}");
+        let mut edits = vec![Edit::SetPrompt { frame, label, prompt: None }];
+        if taken > 0 {
+            let others = project.prompts.keys().any(|&(of, other)| of == frame && other != label);
+            let left = others || mask.ids.iter().any(|&id| id != LabelId::NONE);
+            edits.push(Edit::SetMask { frame, mask: left.then(|| anchor(&mask)) });
+        }
+        self.commit(&format!("Take {name} off frame {frame}"), edits)
+    }
+}
+
+/// The job that reads ahead.
+const PREPARE: &str = "prepare";
+
+fn answer(ready: &dyn PreparedFrame, project: &Project, request: &PromptRequest) -> Result<Region> {
+    let mask = mask_of(project, request.frame)?;
+    let previous = refines(project, request).then(|| mask.region(request.label));
+    let taken = taken(project, &mask, request);
+    let request = SegmentRequest { prompt: &request.prompt, previous: previous.as_ref(), taken: taken.as_ref() };
+    Ok(ready.segment(&request)?)
+}
+
+/// Whether the new prompt is the former one and one click more: then the answer is refined, not begun anew.
+fn refines(project: &Project, request: &PromptRequest) -> bool {
+    let Some(before) = project.prompts.get(&(request.frame, request.label)) else { return false };
+    let Prompt { clicks, boxes } = &request.prompt;
+    *boxes == before.boxes && clicks.split_last().is_some_and(|(_, first)| first == before.clicks)
+}
+
+/// Labels on the frame that give way to an answer: those that were not prompted there.
+fn unprompted(project: &Project, frame: usize, label: LabelId) -> Vec<LabelId> {
+    let prompted = |id| id != label && project.prompts.contains_key(&(frame, id));
+    let below = project.labels.descendants(label);
+    let ids = project.labels.iter().map(|label| label.id);
+    ids.filter(|&id| !prompted(id) && !below.contains(&id)).collect()
+}
+
+/// The pixels that an answer may not take: those of other labels prompted on the frame, but for parts of the label.
+fn taken(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Option<Region> {
+    let mut open = unprompted(project, request.frame, request.label);
+    open.extend(project.labels.descendants(request.label));
+    let taken = taken_by_others(mask, request.label, &open, &project.labels);
+    taken.inside.contains(&true).then_some(taken)
+}

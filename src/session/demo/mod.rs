@@ -1,0 +1,13 @@
+//! The demo: a made scene, a simulated user at the session, and a report that holds the result against exact truth.
+//!
+//! May use: the session's commands, scene::synthetic, scores. Must not touch: printing, the window.
+
+mod report;
+mod run;
+mod studio;
+mod user;
+
+pub use report::{CloudReport, DemoReport, MaskReport};
+pub use run::{DemoOptions, run_demo};
+pub use studio::Watch;
+pub use user::MAX_CLICKS;

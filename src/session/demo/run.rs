@@ -1,0 +1,166 @@
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+
+use super::report::{CloudReport, DemoReport, MaskReport};
+use super::studio::{Studio, Watch};
+use super::user::SimulatedUser;
+use crate::engine::job::Progress;
+use crate::frames::{FrameFolder, OpenRequest};
+use crate::masks::{LabelMask, LabelTree};
+use crate::scene::LabelledCloud;
+use crate::scene::ply::{Coloring, read_ply, save_ply};
+use crate::scene::score::{CloudScoreOptions, score_cloud};
+use crate::scene::synthetic::{Scene, SceneOptions, TruthOptions};
+use crate::session::{Command, ExportRequest, FuseRequest, NewProject, Session};
+
+/// What the demo makes and where.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DemoOptions {
+    /// Folder for everything: `recording/`, `project/`, `truth/`, `cloud.ply`, `report.json`.
+    pub out: PathBuf,
+    /// The scene.
+    pub scene: SceneOptions,
+}
+
+/// Clicks per class on the first frame, and on each frame corrected after.
+const FIRST_CLICKS: usize = 5;
+const CORRECTING_CLICKS: usize = 2;
+
+/// Truth points farther from the result than this count as not reconstructed, metres.
+const WITHIN_M: f64 = 0.003;
+
+/// Does the whole job on a made scene: writes the recording, makes a project, clicks as a simulated user would (at most
+/// [`super::MAX_CLICKS`] per class), carries the masks through geometry, fuses, exports, and scores all of it against the exact truth.
+/// The project stays open in `session`.
+///
+/// # Errors
+/// When `out` cannot be written or holds something else, or a stage fails or is stopped.
+pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<'_>) -> Result<DemoReport> {
+    let mut clock = Clock::default();
+    let out = &options.out;
+    clear_former(out)?;
+    let scene = Scene::build(&options.scene)?;
+    let truth_cloud = clock.time("1 scene", || make_recording(&scene, out))?;
+    let level = Scene::CLASS_LEVEL;
+    let truth_masks: Vec<LabelMask> =
+        scene.views().iter().map(|view| at_level(scene.render_exact(view).mask, scene.tree(), level)).collect();
+
+    let mut studio = Studio::new(session, watch);
+    clock.time("2 open", || studio.act(Command::New(new_project(out))))?;
+    let mut user = SimulatedUser::new(&mut studio, &truth_masks, scene.tree(), level)?;
+    clock.time("3 click", || user.click_on(&mut studio, truth_masks.len() / 2, FIRST_CLICKS))?;
+    clock.time("4 track", || user.track(&mut studio))?;
+    while let Some(frame) = user.worst_frame(&studio)? {
+        let before = user.clicks();
+        clock.time("3 click", || user.click_on(&mut studio, frame, CORRECTING_CLICKS))?;
+        if user.clicks() == before {
+            break;
+        }
+        clock.time("4 track", || user.track(&mut studio))?;
+    }
+    clock.time("5 fuse", || studio.act(Command::Fuse(FuseRequest::default())))?;
+    let cloud_path = out.join("cloud.ply");
+    let export = ExportRequest { cloud: Some(cloud_path.clone()), ..ExportRequest::default() };
+    clock.time("6 export", || studio.act(Command::Export(export)))?;
+    let cloud = clock.time("7 score", || score(&truth_cloud, &cloud_path))?;
+    let report = DemoReport {
+        cloud,
+        masks: MaskReport { iou: user.mean_ious(&studio)? },
+        clicks: user.clicks(),
+        seconds: clock.seconds,
+        scene: describe(&options.scene),
+    };
+    let json = serde_json::to_string_pretty(&report)?;
+    write(&out.join("report.json"), json.as_bytes())?;
+    Ok(report)
+}
+
+/// Wall time by stage; a stage that comes again is added to.
+#[derive(Default)]
+struct Clock {
+    seconds: BTreeMap<String, f64>,
+}
+
+impl Clock {
+    fn time<T>(&mut self, stage: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        let begun = Instant::now();
+        let result = work();
+        *self.seconds.entry(stage.to_owned()).or_default() += begun.elapsed().as_secs_f64();
+        result
+    }
+}
+
+/// Takes a former demo away; anything else in the folder is left alone and refused.
+fn clear_former(out: &Path) -> Result<()> {
+    let is_empty = std::fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
+    if is_empty {
+        return std::fs::create_dir_all(out)
+            .with_context(|| format!("{}: cannot be made; choose another folder", out.display()));
+    }
+    if !out.join("report.json").is_file() && !out.join("recording").is_dir() {
+        bail!("{}: is not empty and holds no demo; choose another folder", out.display());
+    }
+    for name in ["recording", "project", "truth"] {
+        let folder = out.join(name);
+        if folder.exists() {
+            std::fs::remove_dir_all(&folder).with_context(|| format!("{}: cannot be taken away", folder.display()))?;
+        }
+    }
+    Ok(())
+}
+
+fn make_recording(scene: &Scene, out: &Path) -> Result<LabelledCloud> {
+    let progress = Progress::default();
+    let recording = out.join("recording");
+    scene.write(&recording, &progress)?;
+    let truth = out.join("truth");
+    std::fs::rename(recording.join("truth"), &truth)
+        .with_context(|| format!("{}: cannot be written", truth.display()))?;
+    let cloud = scene.cloud(&TruthOptions { surroundings_m: None, ..TruthOptions::default() }, &progress)?;
+    save_ply(&truth.join("cloud.ply"), &cloud, Coloring::Picture, &progress)?;
+    Ok(cloud)
+}
+
+fn new_project(out: &Path) -> NewProject {
+    let recording = out.join("recording");
+    let source = FrameFolder { frames: recording.join("color"), depth: Some(recording.join("depth")) };
+    NewProject {
+        root: out.join("project"),
+        open: OpenRequest { sources: vec![source], depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() },
+        cameras: Some(recording.join("sparse")),
+        intrinsics: None,
+    }
+}
+
+fn at_level(mut mask: LabelMask, tree: &LabelTree, level: usize) -> LabelMask {
+    for id in &mut mask.ids {
+        *id = tree.at_level(*id, level);
+    }
+    mask
+}
+
+fn score(truth: &LabelledCloud, cloud_path: &Path) -> Result<CloudReport> {
+    let progress = Progress::default();
+    let result = read_ply(cloud_path, &progress)?.cloud;
+    let level = Some(Scene::CLASS_LEVEL);
+    let options = CloudScoreOptions { within: vec![WITHIN_M], level, ..CloudScoreOptions::default() };
+    let score = score_cloud(truth, &result, &options, &progress)?;
+    Ok(CloudReport {
+        iou: score.labels.iou.iter().map(|label| (label.name.clone(), label.iou)).collect(),
+        parts: BTreeMap::new(),
+        accuracy: score.labels.accuracy,
+        median_distance_mm: score.median_distance * 1000.0,
+        points: result.len(),
+    })
+}
+
+fn describe(scene: &SceneOptions) -> String {
+    format!("{:?}, {} views of {}x{}, seed {}", scene.scene, scene.views, scene.width, scene.height, scene.seed)
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    std::fs::write(path, bytes).with_context(|| format!("{}: cannot be written", path.display()))
+}

@@ -1,0 +1,70 @@
+use std::path::PathBuf;
+use std::time::Duration;
+
+use crate::engine::job::ProgressReport;
+
+/// Names a job of a session; never used twice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct JobId(pub u64);
+
+/// What happened since the last [`super::Session::poll`], in order.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Event {
+    /// A job began.
+    Started {
+        /// Which.
+        job: JobId,
+        /// What it is, e.g. `Track`.
+        title: String,
+    },
+    /// A job did what it was for.
+    Finished {
+        /// Which.
+        job: JobId,
+        /// What it was.
+        title: String,
+    },
+    /// A job ended with an error; what it had finished is kept.
+    Failed {
+        /// Which.
+        job: JobId,
+        /// What it was.
+        title: String,
+        /// One line: what, where, what to do.
+        error: String,
+    },
+    /// A job was stopped; what it had finished is kept.
+    Stopped {
+        /// Which.
+        job: JobId,
+        /// What it was.
+        title: String,
+    },
+    /// A project was made or opened.
+    Opened(PathBuf),
+    /// A labelled PLY was opened alone.
+    Inspecting(PathBuf),
+    /// What was open is closed.
+    Closed,
+    /// The project changed.
+    Changed,
+    /// The labelled cloud was loaded, made anew or went away.
+    CloudChanged,
+    /// Something worth knowing, e.g. which tracker was taken.
+    Notice(String),
+    /// Something that the user should look at; the work went on.
+    Warning(String),
+}
+
+/// A running job as window and command line show it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct JobView {
+    /// Which.
+    pub id: JobId,
+    /// What it is, e.g. `Track`.
+    pub title: String,
+    /// How far it is.
+    pub report: ProgressReport,
+    /// Since when it runs.
+    pub elapsed: Duration,
+}

@@ -1,0 +1,243 @@
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use crate::engine::job::Loader;
+use crate::frames::{Frame, FrameStore, Image};
+
+/// Longest side of a thumbnail in pixels.
+const THUMBNAIL_PX: u32 = 160;
+/// Pictures kept at full size: the one shown and its neighbours.
+const PICTURES_KEPT: usize = 3;
+/// Thumbnails kept; at 160 × 120 pixels about 60 MB.
+const THUMBNAILS_KEPT: usize = 1_000;
+
+/// Pictures and thumbnails for those who look: asked for again and again, never waited for. Loaded on worker threads,
+/// what is wanted now before what was wanted before.
+pub struct Pictures {
+    loader: Loader<Wish, Result<Arc<Image>, String>>,
+    state: Mutex<State>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Wish {
+    Full(usize),
+    Thumbnail(usize),
+}
+
+#[derive(Default)]
+struct State {
+    pictures: Shelf,
+    thumbnails: Shelf,
+    failures: BTreeMap<usize, String>,
+    wanted: Vec<Wish>,
+    sent: Vec<Wish>,
+}
+
+/// Pictures by frame number with the time of the last look; the longest unseen goes first.
+#[derive(Default)]
+struct Shelf {
+    kept: BTreeMap<usize, (u64, Arc<Image>)>,
+    clock: u64,
+}
+
+impl Pictures {
+    /// Loads the pictures of `frames` through `store`. `notify` is called, on a worker's thread, when one arrived.
+    #[must_use]
+    pub fn of(frames: Arc<Vec<Frame>>, store: Arc<FrameStore>, notify: impl Fn() + Send + Sync + 'static) -> Self {
+        let load = move |number| match frames.get(number) {
+            Some(frame) => store.image(frame).map_err(|error| error.to_string()),
+            None => Err(format!("there is no frame {number}")),
+        };
+        Self::new(load, notify)
+    }
+
+    /// As [`Self::of`], with any source of pictures.
+    #[must_use]
+    pub fn new(
+        load: impl Fn(usize) -> Result<Arc<Image>, String> + Send + Sync + 'static,
+        notify: impl Fn() + Send + Sync + 'static,
+    ) -> Self {
+        let load_wish = move |wish: &Wish| match *wish {
+            Wish::Full(frame) => load(frame),
+            Wish::Thumbnail(frame) => load(frame).map(|image| Arc::new(thumbnail(&image))),
+        };
+        Self { loader: Loader::new("pictures", 2, load_wish, notify), state: Mutex::default() }
+    }
+
+    /// The frame's picture, as soon as it is there; asks for it, and for its neighbours after it.
+    #[must_use]
+    pub fn picture(&self, frame: usize) -> Option<Arc<Image>> {
+        let mut state = self.lock();
+        for near in [Some(frame), frame.checked_add(1), frame.checked_sub(1)].into_iter().flatten() {
+            state.ask(Wish::Full(near));
+        }
+        state.pictures.look(frame)
+    }
+
+    /// The frame's thumbnail, as soon as it is there; asks for it.
+    #[must_use]
+    pub fn thumbnail(&self, frame: usize) -> Option<Arc<Image>> {
+        let mut state = self.lock();
+        state.ask(Wish::Thumbnail(frame));
+        state.thumbnails.look(frame)
+    }
+
+    /// Why the frame's picture could not be loaded.
+    #[must_use]
+    pub fn failure(&self, frame: usize) -> Option<String> {
+        self.lock().failures.get(&frame).cloned()
+    }
+
+    /// Takes in what arrived and sends the wishes gathered since the last call: once for every picture drawn.
+    pub fn turn(&self) {
+        let mut state = self.lock();
+        for (wish, result) in self.loader.take_done() {
+            state.receive(wish, result);
+        }
+        let mut wanted = std::mem::take(&mut state.wanted);
+        wanted.sort_by_key(|wish| matches!(wish, Wish::Thumbnail(_)));
+        wanted.retain(|wish| state.is_missing(*wish));
+        if wanted != state.sent {
+            state.sent.clone_from(&wanted);
+            self.loader.want(wanted);
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn ask(&mut self, wish: Wish) {
+        if self.is_missing(wish) && !self.wanted.contains(&wish) {
+            self.wanted.push(wish);
+        }
+    }
+
+    fn is_missing(&self, wish: Wish) -> bool {
+        match wish {
+            Wish::Full(frame) => !self.pictures.kept.contains_key(&frame) && !self.failures.contains_key(&frame),
+            Wish::Thumbnail(frame) => !self.thumbnails.kept.contains_key(&frame) && !self.failures.contains_key(&frame),
+        }
+    }
+
+    fn receive(&mut self, wish: Wish, result: Result<Arc<Image>, String>) {
+        self.sent.retain(|sent| *sent != wish);
+        match (wish, result) {
+            (Wish::Full(frame), Ok(image)) => self.pictures.put(frame, image, PICTURES_KEPT),
+            (Wish::Thumbnail(frame), Ok(image)) => self.thumbnails.put(frame, image, THUMBNAILS_KEPT),
+            (Wish::Full(frame) | Wish::Thumbnail(frame), Err(text)) => {
+                self.failures.insert(frame, text);
+            }
+        }
+    }
+}
+
+impl Shelf {
+    fn look(&mut self, frame: usize) -> Option<Arc<Image>> {
+        self.clock += 1;
+        let (seen, image) = self.kept.get_mut(&frame)?;
+        *seen = self.clock;
+        Some(Arc::clone(image))
+    }
+
+    fn put(&mut self, frame: usize, image: Arc<Image>, keep: usize) {
+        self.clock += 1;
+        self.kept.insert(frame, (self.clock, image));
+        while self.kept.len() > keep {
+            let Some(oldest) = self.kept.iter().min_by_key(|(_, (seen, _))| *seen).map(|(&frame, _)| frame) else {
+                break;
+            };
+            self.kept.remove(&oldest);
+        }
+    }
+}
+
+/// The picture made so small that its longer side has [`THUMBNAIL_PX`] pixels: means over blocks.
+fn thumbnail(image: &Image) -> Image {
+    let longest = image.width.max(image.height);
+    if longest <= THUMBNAIL_PX {
+        return image.clone();
+    }
+    let scaled = |side: u32| ((u64::from(side) * u64::from(THUMBNAIL_PX)) / u64::from(longest)).max(1) as u32;
+    let (width, height) = (scaled(image.width), scaled(image.height));
+    let mut pixels = Vec::with_capacity((width * height) as usize);
+    for y in 0..height {
+        let rows = block(y, height, image.height);
+        for x in 0..width {
+            pixels.push(mean(image, block(x, width, image.width), rows.clone()));
+        }
+    }
+    Image { width, height, pixels }
+}
+
+fn block(index: u32, of: u32, side: u32) -> std::ops::Range<u32> {
+    let edge = |k: u32| (u64::from(k) * u64::from(side) / u64::from(of)) as u32;
+    edge(index)..edge(index + 1).max(edge(index) + 1)
+}
+
+fn mean(image: &Image, columns: std::ops::Range<u32>, rows: std::ops::Range<u32>) -> [u8; 3] {
+    let count = (columns.len() * rows.len()).max(1) as u32;
+    let mut sum = [0_u32; 3];
+    for y in rows {
+        for x in columns.clone() {
+            for (total, value) in sum.iter_mut().zip(image.at(x, y)) {
+                *total += u32::from(value);
+            }
+        }
+    }
+    sum.map(|total| (total / count) as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+
+    fn picture(value: u8) -> Image {
+        Image { width: 640, height: 480, pixels: vec![[value; 3]; 640 * 480] }
+    }
+
+    #[test]
+    fn thumbnails_keep_shape_and_colour() {
+        let small = thumbnail(&picture(90));
+        assert_eq!((small.width, small.height), (160, 120));
+        assert!(small.pixels.iter().all(|p| *p == [90; 3]));
+        let tall = thumbnail(&Image { width: 3, height: 1000, pixels: vec![[1, 2, 3]; 3000] });
+        assert_eq!((tall.width, tall.height), (1, 160));
+    }
+
+    #[test]
+    fn pictures_arrive_with_neighbours_and_failures_are_told_once() {
+        let (told, notified) = channel();
+        let load = |frame| if frame == 9 { Err("gone".into()) } else { Ok(Arc::new(picture(frame as u8))) };
+        let pictures = Pictures::new(load, move || told.send(()).unwrap());
+        assert!(pictures.picture(4).is_none());
+        pictures.turn();
+        for _ in 0..3 {
+            notified.recv_timeout(Duration::from_secs(5)).unwrap();
+        }
+        pictures.turn();
+        assert_eq!(pictures.picture(4).unwrap().pixels[0], [4; 3]);
+        assert!(pictures.picture(5).is_some(), "the neighbour came ahead");
+        assert!(pictures.thumbnail(9).is_none());
+        pictures.turn();
+        while pictures.failure(9).is_none() {
+            notified.recv_timeout(Duration::from_secs(5)).unwrap();
+            pictures.turn();
+        }
+        assert_eq!(pictures.failure(9).as_deref(), Some("gone"));
+    }
+
+    #[test]
+    fn no_more_pictures_are_kept_than_allowed() {
+        let mut shelf = Shelf::default();
+        for frame in 0..20 {
+            shelf.put(frame, Arc::new(picture(0)), 3);
+            let _ = shelf.look(0);
+        }
+        assert_eq!(shelf.kept.keys().copied().collect::<Vec<_>>(), [0, 18, 19]);
+    }
+}

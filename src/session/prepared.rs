@@ -1,0 +1,90 @@
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use anyhow::Result;
+
+use crate::engine::job::Progress;
+use crate::frames::{Frame, FrameStore};
+use crate::masks::{PreparedFrame, Segmenter};
+
+/// Frames made ready by segmenters, the latest used ones, bounded in bytes. Shared by all threads.
+pub struct PreparedFrames {
+    slots: Mutex<Slots>,
+    budget_bytes: usize,
+}
+
+#[derive(Default)]
+struct Slots {
+    by_key: BTreeMap<String, Slot>,
+    clock: u64,
+}
+
+#[derive(Default)]
+struct Slot {
+    used: u64,
+    bytes: usize,
+    frame: Ready,
+}
+
+/// Locked while the frame is made ready, so that those who want the same one wait for it instead of doing it twice.
+type Ready = Arc<Mutex<Option<Arc<dyn PreparedFrame>>>>;
+
+impl PreparedFrames {
+    /// A cache of at most `budget_bytes`, except that the frame used last is always kept.
+    #[must_use]
+    pub fn new(budget_bytes: usize) -> Self {
+        Self { slots: Mutex::default(), budget_bytes }
+    }
+
+    /// The frame made ready, from the cache where it is there.
+    ///
+    /// # Errors
+    /// When the picture cannot be read or the segmenter fails, or on a stop.
+    pub fn get(
+        &self,
+        segmenter: &dyn Segmenter,
+        frame: &Frame,
+        store: &FrameStore,
+        progress: &Progress,
+    ) -> Result<Arc<dyn PreparedFrame>> {
+        let key = format!("{} {:?} {:?}", segmenter.name(), frame.picture, frame.depth);
+        let ready = self.slot(&key);
+        let mut ready = ready.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(prepared) = ready.as_ref() {
+            return Ok(Arc::clone(prepared));
+        }
+        progress.stage("prepare")?;
+        let (image, depth) = (store.image(frame)?, store.depth(frame)?);
+        let prepared = segmenter.prepare(&image, depth.as_ref(), progress)?;
+        *ready = Some(Arc::clone(&prepared));
+        drop(ready);
+        self.weigh(&key, prepared.bytes());
+        Ok(prepared)
+    }
+
+    fn slot(&self, key: &str) -> Ready {
+        let mut slots = self.lock();
+        slots.clock += 1;
+        let now = slots.clock;
+        let slot = slots.by_key.entry(key.to_owned()).or_default();
+        slot.used = now;
+        Arc::clone(&slot.frame)
+    }
+
+    fn weigh(&self, key: &str, bytes: usize) {
+        let mut slots = self.lock();
+        if let Some(slot) = slots.by_key.get_mut(key) {
+            slot.bytes = bytes;
+        }
+        while slots.by_key.len() > 1 && slots.by_key.values().map(|slot| slot.bytes).sum::<usize>() > self.budget_bytes
+        {
+            let oldest = slots.by_key.iter().min_by_key(|(_, slot)| slot.used).map(|(key, _)| key.clone());
+            let Some(oldest) = oldest else { break };
+            slots.by_key.remove(&oldest);
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Slots> {
+        self.slots.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,325 @@
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+
+use super::cloud::CloudSlot;
+use super::commands::TrackRun;
+use super::jobs::{Job, Jobs, Kind, Landing};
+use super::prepared::PreparedFrames;
+use super::{Command, Edit, Event, JobId, JobView, OpenProject, Project, Recipe};
+use crate::engine::job::Stopped;
+use crate::frames::FrameStore;
+
+/// Bytes of decoded pictures and depths kept.
+const PIXEL_BYTES: usize = 256 << 20;
+
+/// Bytes of frames made ready for prompts.
+const PREPARED_BYTES: usize = 384 << 20;
+
+/// How often [`Session::settle`] looks at progress while nothing happens.
+const GLANCE: Duration = Duration::from_millis(50);
+
+/// What window and command line talk to: the open project (or none), running jobs, loaded engines and caches.
+/// [`Session::act`] takes wishes, [`Session::poll`] takes in what jobs have done; neither waits.
+pub struct Session {
+    pub(super) open: Option<OpenProject>,
+    pub(super) inspected: Option<PathBuf>,
+    pub(super) store: Arc<FrameStore>,
+    pub(super) jobs: Jobs,
+    pub(super) events: Vec<Event>,
+    pub(super) recipe: Recipe,
+    pub(super) cloud: CloudSlot,
+    pub(super) track: Option<TrackRun>,
+    pub(super) prepared: Arc<PreparedFrames>,
+    /// Name of the frame that was last asked to be made ready.
+    pub(super) preparing: Option<String>,
+    /// Which segmenter `auto` was last said to be.
+    pub(super) told_segmenter: Option<&'static str>,
+}
+
+/// The job that writes a checkpoint while work goes on.
+const CHECKPOINT: &str = "checkpoint";
+
+impl Default for Session {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Session {
+    /// A session in which nothing is open.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            open: None,
+            inspected: None,
+            store: Arc::new(FrameStore::new(PIXEL_BYTES)),
+            jobs: Jobs::default(),
+            events: Vec::new(),
+            recipe: Recipe { format: 1, commands: Vec::new() },
+            cloud: CloudSlot::default(),
+            track: None,
+            prepared: Arc::new(PreparedFrames::new(PREPARED_BYTES)),
+            preparing: None,
+            told_segmenter: None,
+        }
+    }
+
+    /// The open project.
+    #[must_use]
+    pub fn project(&self) -> Option<&Arc<Project>> {
+        self.open.as_ref().map(OpenProject::project)
+    }
+
+    /// The open project's folder.
+    #[must_use]
+    pub fn root(&self) -> Option<&Path> {
+        self.open.as_ref().map(OpenProject::root)
+    }
+
+    /// The labelled PLY that is open alone.
+    #[must_use]
+    pub fn inspected(&self) -> Option<&Path> {
+        self.inspected.as_deref()
+    }
+
+    /// Where pictures and depths are loaded.
+    #[must_use]
+    pub fn store(&self) -> &Arc<FrameStore> {
+        &self.store
+    }
+
+    /// The commands of this session that came to an end, from the one that made or opened the project on.
+    #[must_use]
+    pub fn recipe(&self) -> &Recipe {
+        &self.recipe
+    }
+
+    /// What [`Command::Undo`] would take back.
+    #[must_use]
+    pub fn undo_title(&self) -> Option<&str> {
+        self.open.as_ref()?.history().last().map(|step| step.title.as_str())
+    }
+
+    /// What [`Command::Redo`] would do again.
+    #[must_use]
+    pub fn redo_title(&self) -> Option<&str> {
+        self.open.as_ref()?.history().next().map(|step| step.title.as_str())
+    }
+
+    /// The jobs that run, oldest first, without those that nobody asked for.
+    #[must_use]
+    pub fn jobs(&self) -> Vec<JobView> {
+        self.jobs.iter().filter(|job| job.is_shown()).map(Job::view).collect()
+    }
+
+    /// Asks a job to stop; it keeps what it finished.
+    pub fn stop(&mut self, job: JobId) {
+        if let Some(job) = self.jobs.get_mut(job) {
+            job.stop();
+        }
+    }
+
+    /// `wake` is called, on a worker's thread, whenever [`Self::poll`] has something to take in.
+    pub fn set_waker(&mut self, wake: impl Fn() + Send + 'static) {
+        self.jobs.set_waker(wake);
+    }
+
+    /// Takes in what jobs have done since the last call and says what happened. Never waits for a job.
+    pub fn poll(&mut self) -> Vec<Event> {
+        self.jobs.note_ended();
+        while let Some((job, landing)) = self.jobs.next_piece() {
+            self.take_piece(job, landing);
+        }
+        while let Some((job, result)) = self.jobs.take_ended() {
+            self.take_result(job, result);
+        }
+        self.load_wanted_cloud();
+        self.checkpoint_if_due();
+        std::mem::take(&mut self.events)
+    }
+
+    /// Works until no job runs and gives all that happened: how the command line waits. `on_progress` sees the
+    /// running jobs about twenty times a second; `Break` stops them.
+    pub fn settle(&mut self, mut on_progress: impl FnMut(&[JobView]) -> ControlFlow<()>) -> Vec<Event> {
+        let mut events = self.poll();
+        while self.jobs.iter().next().is_some() {
+            if on_progress(&self.jobs()).is_break() {
+                self.stop_all();
+            }
+            if let Some((job, landing)) = self.jobs.wait(GLANCE) {
+                self.take_piece(job, landing);
+            }
+            events.extend(self.poll());
+        }
+        events
+    }
+
+    /// Writes a checkpoint of the open project now, on this thread: `project.toml` and the masks are as the project
+    /// is. Without it nothing is lost either; the journal has every step.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn save(&mut self) -> Result<()> {
+        self.wait_for_checkpoint();
+        self.open.as_mut().map_or(Ok(()), OpenProject::save_now)
+    }
+
+    /// The open project, for making steps.
+    pub(super) fn opened(&mut self) -> Result<&mut OpenProject> {
+        self.open.as_mut().context("no project is open; open one first")
+    }
+
+    /// A snapshot of the open project.
+    pub(super) fn snapshot(&self) -> Result<Arc<Project>> {
+        self.project().cloned().context("no project is open; open one first")
+    }
+
+    /// Makes a step and tells of it.
+    pub(super) fn commit(&mut self, title: &str, edits: Vec<Edit>) -> Result<()> {
+        if self.opened()?.commit(title, edits)? {
+            self.tell_changed();
+        }
+        Ok(())
+    }
+
+    /// Tells of a change; the files of results follow it.
+    pub(super) fn tell_changed(&mut self) {
+        self.events.push(Event::Changed);
+        let published = self.open.as_mut().map_or(Ok(()), OpenProject::publish);
+        if let Err(error) = published {
+            self.events.push(Event::Warning(format!("{error:#}")));
+        }
+    }
+
+    /// Long jobs run one at a time.
+    pub(super) fn check_no_long_job(&self) -> Result<()> {
+        let running = self.jobs.iter().find(|job| job.kind == Kind::Long && job.is_shown());
+        running.map_or(Ok(()), |job| bail!("'{}' is still running; wait for it or stop it", job.title))
+    }
+
+    pub(super) fn warn_all(&mut self, warnings: Vec<String>) {
+        self.events.extend(warnings.into_iter().map(Event::Warning));
+    }
+
+    /// Starts a job and tells of it.
+    pub(super) fn start(
+        &mut self,
+        title: &str,
+        kind: Kind,
+        work: impl FnOnce(&super::jobs::Link) -> Result<Landing> + Send + 'static,
+    ) -> JobId {
+        let id = self.jobs.start(title, kind, work);
+        if kind != Kind::Background {
+            self.events.push(Event::Started { job: id, title: title.to_owned() });
+        }
+        id
+    }
+
+    pub(super) fn stop_all(&mut self) {
+        self.jobs.iter().filter(|job| job.is_shown()).for_each(Job::stop);
+    }
+
+    /// Stops all jobs of what is open now; what they still bring is not taken in.
+    pub(super) fn discard_jobs(&mut self) {
+        for job in self.jobs.iter_mut() {
+            job.stop();
+            job.discarded = true;
+        }
+    }
+
+    /// Waits until no checkpoint is being written: two must not write the same files.
+    pub(super) fn wait_for_checkpoint(&mut self) {
+        let is_checkpoint = |job: &Job| job.title == CHECKPOINT && !job.has_ended();
+        self.jobs.note_ended();
+        while self.jobs.iter().any(is_checkpoint) {
+            if let Some((job, landing)) = self.jobs.wait(GLANCE) {
+                self.take_piece(job, landing);
+            }
+            self.jobs.note_ended();
+        }
+    }
+
+    fn take_piece(&mut self, job: JobId, landing: Landing) {
+        let wanted = self.jobs.get_mut(job).is_some_and(|job| !job.discarded);
+        if !wanted {
+            return;
+        }
+        if let Err(error) = landing(self)
+            && let Some(job) = self.jobs.get_mut(job)
+        {
+            job.stop();
+            job.failure.get_or_insert(error);
+        }
+    }
+
+    fn take_result(&mut self, mut job: Job, result: Result<Landing>) {
+        let stopped = job.is_stopped();
+        if !job.discarded
+            && let Err(error) = self.end_track(job.id)
+        {
+            job.failure.get_or_insert(error);
+        }
+        let result = match job.failure.take() {
+            Some(error) => Err(error),
+            None if job.discarded => Err(Stopped.into()),
+            None => result.and_then(|landing| landing(self)),
+        };
+        let (id, title) = (job.id, job.title);
+        let event = match result {
+            Ok(()) => {
+                self.record(job.command);
+                Event::Finished { job: id, title }
+            }
+            Err(_) if stopped => Event::Stopped { job: id, title },
+            Err(error) => Event::Failed { job: id, title, error: format!("{error:#}") },
+        };
+        match (job.kind, event) {
+            (Kind::Background, Event::Failed { error, .. }) => self.events.push(Event::Warning(error)),
+            (Kind::Background, _) => {}
+            (_, event) => self.events.push(event),
+        }
+    }
+
+    /// Adds a command that was carried out to the recipe.
+    pub(super) fn record(&mut self, command: Option<Command>) {
+        match command {
+            Some(Command::Stop) | None => {}
+            Some(command) => {
+                if matches!(command, Command::New(_) | Command::Open(_) | Command::Inspect(_) | Command::Close) {
+                    self.recipe.commands.clear();
+                }
+                if command != Command::Close {
+                    self.recipe.commands.push(command);
+                }
+            }
+        }
+    }
+
+    fn checkpoint_if_due(&mut self) {
+        let running = self.jobs.iter().any(|job| job.title == CHECKPOINT);
+        let Some(open) = self.open.as_mut().filter(|open| open.is_due() && !running) else { return };
+        match open.checkpoint() {
+            Ok(checkpoint) => {
+                self.start(CHECKPOINT, Kind::Background, move |link| {
+                    let written = checkpoint.write(&link.progress)?;
+                    Ok(Box::new(move |session: &mut Self| session.opened()?.written(written)))
+                });
+            }
+            Err(error) => self.events.push(Event::Warning(format!("{error:#}"))),
+        }
+    }
+}
+
+impl Drop for Session {
+    /// Stops what runs and writes a last checkpoint; if that fails, the journal still has every step.
+    fn drop(&mut self) {
+        self.discard_jobs();
+        if !std::thread::panicking() {
+            let _ = self.save();
+        }
+    }
+}

@@ -1,0 +1,151 @@
+use std::fs::{File, OpenOptions};
+use std::io::{Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+
+use super::{Record, durable};
+
+/// A file of [`Record`]s, one a line, that only grows; each line is on the disk before [`Journal::append`] returns.
+#[derive(Debug)]
+pub struct Journal {
+    path: PathBuf,
+    file: File,
+    /// Length of the whole lines.
+    length: u64,
+    /// Number and end of each line.
+    ends: Vec<(u64, u64)>,
+    /// A failed line could not be taken away again.
+    broken: bool,
+}
+
+/// The records of a file and how many of its bytes are whole lines.
+#[derive(Default)]
+pub struct ReadRecords {
+    /// In the file's order.
+    pub records: Vec<Record>,
+    /// Where each record's line ends, in bytes.
+    pub ends: Vec<u64>,
+}
+
+/// Reads a file of records; a missing file has none. A torn last line (a kill while it was written) is left out.
+///
+/// # Errors
+/// When the file cannot be read, or a line before the last is damaged.
+pub fn read_records(path: &Path) -> Result<ReadRecords> {
+    let bytes = match std::fs::read(path) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+        Err(error) => return Err(error).with_context(|| format!("{}: cannot be read", path.display())),
+    };
+    let mut read = ReadRecords { records: Vec::new(), ends: Vec::new() };
+    let mut end = 0;
+    for line in bytes.split_inclusive(|&byte| byte == b'\n') {
+        end += line.len();
+        let whole = line.ends_with(b"\n").then(|| serde_json::from_slice(line).ok()).flatten();
+        match whole {
+            Some(record) => {
+                read.records.push(record);
+                read.ends.push(end as u64);
+            }
+            None if end == bytes.len() => break,
+            None => {
+                let number = read.records.len() + 1;
+                bail!("{}: line {number} is damaged; restore the file from a backup", path.display());
+            }
+        }
+    }
+    Ok(read)
+}
+
+impl Journal {
+    /// Opens the file at `path` for appending after the whole lines that were read from it; what follows them is
+    /// cut off.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn open(path: &Path, read: &ReadRecords) -> Result<Self> {
+        let length = read.ends.last().copied().unwrap_or(0);
+        let open = || -> std::io::Result<File> {
+            let mut file = OpenOptions::new().create(true).truncate(false).write(true).open(path)?;
+            if file.metadata()?.len() > length {
+                file.set_len(length)?;
+                file.sync_all()?;
+            }
+            file.seek(SeekFrom::Start(length))?;
+            Ok(file)
+        };
+        let file = open().with_context(|| durable::cannot_write(path))?;
+        let ends = read.records.iter().map(|record| record.seq).zip(read.ends.iter().copied()).collect();
+        Ok(Self { path: path.to_owned(), file, length, ends, broken: false })
+    }
+
+    /// Bytes in the file.
+    pub fn length(&self) -> u64 {
+        self.length
+    }
+
+    /// Writes a record and waits until it is on the disk.
+    ///
+    /// # Errors
+    /// When it cannot be written (a full disk); the file is as before.
+    pub fn append(&mut self, record: &Record) -> Result<()> {
+        if self.broken {
+            bail!("{}: an earlier write failed; open the project again", self.path.display());
+        }
+        let line = record.line()?;
+        let written = self.file.write_all(&line).and_then(|()| self.file.sync_data());
+        if let Err(error) = written {
+            self.take_back();
+            return Err(error)
+                .with_context(|| format!("{}: the step cannot be saved and was not made", self.path.display()));
+        }
+        self.length += line.len() as u64;
+        self.ends.push((record.seq, self.length));
+        Ok(())
+    }
+
+    fn take_back(&mut self) {
+        let cut = self.file.set_len(self.length).and_then(|()| self.file.seek(SeekFrom::Start(self.length)));
+        self.broken = cut.and_then(|_| self.file.sync_data()).is_err();
+    }
+
+    /// The records up to `seq` as they stand in the file, without those up to `after`.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn lines_between(&self, after: u64, seq: u64) -> Result<Vec<u8>> {
+        let bytes = std::fs::read(&self.path).with_context(|| format!("{}: cannot be read", self.path.display()))?;
+        Ok(bytes[self.end_of(after) as usize..self.end_of(seq) as usize].to_vec())
+    }
+
+    /// Takes away the records up to `seq`, which `project.toml` and the history have by now.
+    ///
+    /// # Errors
+    /// When the file cannot be written; it is as before.
+    pub fn forget(&mut self, seq: u64) -> Result<()> {
+        let cut = self.end_of(seq);
+        if cut == 0 {
+            return Ok(());
+        }
+        let rest = self.lines_between(seq, u64::MAX)?;
+        // The handle that writes the new file goes on appending to it under its final name.
+        let temporary = durable::temporary(&self.path);
+        let placed = File::create(&temporary).and_then(|mut file| {
+            file.write_all(&rest)?;
+            file.sync_all()?;
+            std::fs::rename(&temporary, &self.path)?;
+            Ok(file)
+        });
+        self.file = placed.with_context(|| durable::cannot_write(&self.path))?;
+        self.length -= cut;
+        self.ends.retain(|&(number, _)| number > seq);
+        self.ends.iter_mut().for_each(|(_, end)| *end -= cut);
+        durable::sync_folder(self.path.parent().unwrap_or(Path::new(".")))
+    }
+
+    /// Where the lines of records up to `seq` end.
+    fn end_of(&self, seq: u64) -> u64 {
+        self.ends.iter().take_while(|&&(number, _)| number <= seq).last().map_or(0, |&(_, end)| end)
+    }
+}

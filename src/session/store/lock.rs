@@ -1,0 +1,32 @@
+use std::fs::{File, OpenOptions, TryLockError};
+use std::path::Path;
+
+use anyhow::{Context, Result, anyhow, bail};
+
+/// Keeps a second writer out of a project's folder until it is dropped (or the process ends).
+#[derive(Debug)]
+pub struct Lock {
+    _file: File,
+}
+
+impl Lock {
+    /// Takes the lock of the folder `root`.
+    ///
+    /// # Errors
+    /// When another holds it, or the folder cannot be written.
+    pub fn take(root: &Path) -> Result<Self> {
+        let path = root.join(".lock");
+        let file = OpenOptions::new().create(true).truncate(false).write(true).open(&path).with_context(|| {
+            format!("{}: cannot be written; a project needs a folder with write access", root.display())
+        })?;
+        match file.try_lock() {
+            Ok(()) => Ok(Self { _file: file }),
+            Err(TryLockError::WouldBlock) => {
+                bail!("{}: is open in another window or command; close it there first", root.display())
+            }
+            Err(TryLockError::Error(error)) => {
+                Err(anyhow!(error).context(format!("{}: cannot be locked; move it to a local disk", root.display())))
+            }
+        }
+    }
+}

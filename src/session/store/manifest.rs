@@ -1,0 +1,119 @@
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+use serde::{Deserialize, Serialize};
+
+use super::durable;
+use crate::frames::Frame;
+use crate::masks::{Label, LabelId, LabelTree, Prompt};
+use crate::session::{Project, ResultKind, ResultRecord};
+
+/// The version of the files in a project's folder that this program writes.
+pub const FORMAT: u32 = 1;
+
+/// `project.toml`: all of a [`Project`] but its masks.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Manifest {
+    format: u32,
+    /// Number of the last record of the journal that is in here.
+    pub step: u64,
+    #[serde(default)]
+    labels: Vec<Label>,
+    #[serde(default)]
+    prompts: Vec<Given>,
+    #[serde(default)]
+    results: BTreeMap<ResultKind, ResultRecord>,
+    #[serde(default)]
+    frames: Vec<Frame>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Given {
+    frame: usize,
+    label: LabelId,
+    prompt: Prompt,
+}
+
+/// Refuses a folder that holds no project, or one of a newer program. Touches nothing.
+///
+/// # Errors
+/// As said.
+pub fn check_format(root: &Path) -> Result<()> {
+    #[derive(Deserialize)]
+    struct Format {
+        format: u32,
+    }
+    let path = root.join("project.toml");
+    ensure!(root.exists(), "{}: there is no such folder; check the path", root.display());
+    ensure!(path.exists(), "{}: holds no project (project.toml is missing); make one with 'new'", root.display());
+    let text = std::fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    match toml::from_str::<Format>(&text) {
+        Ok(Format { format: FORMAT }) => Ok(()),
+        Ok(Format { format }) if format > FORMAT => bail!(
+            "{}: was written by a newer program (format {format}, this one reads {FORMAT}); update this program",
+            path.display()
+        ),
+        _ => bail!("{}: is damaged; restore it from a backup", path.display()),
+    }
+}
+
+/// Reads `project.toml`.
+///
+/// # Errors
+/// When it cannot be read or is damaged.
+pub fn read(root: &Path) -> Result<Manifest> {
+    let path = root.join("project.toml");
+    let text = std::fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let parsed = toml::from_str(&text).map_err(|error| error.message().replace('\n', " "));
+    match parsed {
+        Ok(manifest) => Ok(manifest),
+        Err(error) => bail!("{}: is damaged ({error}); restore it from a backup", path.display()),
+    }
+}
+
+/// Writes `project.toml` with the project's state after the record `step`.
+///
+/// # Errors
+/// When it cannot be written; the old file stands.
+pub fn write(root: &Path, project: &Project, step: u64) -> Result<()> {
+    let prompts = project.prompts.iter();
+    let manifest = Manifest {
+        format: FORMAT,
+        step,
+        labels: project.labels.iter().cloned().collect(),
+        prompts: prompts.map(|(&(frame, label), prompt)| Given { frame, label, prompt: prompt.clone() }).collect(),
+        results: project.results.clone(),
+        frames: project.frames.to_vec(),
+    };
+    let text = toml::to_string(&manifest).context("the project has a value that project.toml cannot hold")?;
+    durable::replace(&root.join("project.toml"), text.as_bytes())
+}
+
+impl Manifest {
+    /// The project without its masks.
+    ///
+    /// # Errors
+    /// When an invariant does not hold: the file was changed by hand or damaged.
+    pub fn into_project(self) -> Result<Project> {
+        let mut project = Project { labels: tree(self.labels)?, results: self.results, ..Project::default() };
+        project.apply(crate::session::Edit::AddFrames { frames: self.frames })?;
+        for Given { frame, label, prompt } in self.prompts {
+            project.apply(crate::session::Edit::SetPrompt { frame, label, prompt: Some(prompt) })?;
+        }
+        Ok(project)
+    }
+}
+
+/// Puts labels in whatever order their parents allow.
+fn tree(mut labels: Vec<Label>) -> Result<LabelTree> {
+    let mut tree = LabelTree::default();
+    while !labels.is_empty() {
+        let (ready, waiting): (Vec<_>, Vec<_>) =
+            labels.into_iter().partition(|label| label.parent.is_none_or(|parent| tree.get(parent).is_some()));
+        ensure!(!ready.is_empty(), "a label's parent does not exist or is its own descendant");
+        ready.into_iter().try_for_each(|label| tree.set(label))?;
+        labels = waiting;
+    }
+    Ok(tree)
+}

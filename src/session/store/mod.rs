@@ -1,0 +1,25 @@
+//! A project in its folder: `project.toml`, the journal of steps since it was written, the history of steps, masks.
+//!
+//! The truth is `project.toml` (with `masks/`), which holds the state after a numbered step, and the journal, which
+//! holds every later step. Steps are numbered through the project's whole life, so that a kill between any two writes
+//! of a checkpoint leaves files that still agree: what `project.toml` already has is passed over in the journal.
+//!
+//! May use: every room that `session` may. Must not touch: the session's jobs.
+
+mod checkpoint;
+mod durable;
+mod folder;
+mod history_file;
+mod journal;
+mod load;
+mod lock;
+mod manifest;
+mod mask_files;
+pub(super) mod packed_runs;
+mod record;
+mod versions;
+
+pub use checkpoint::{Checkpoint, HISTORY_BYTES};
+pub use folder::{Folder, Loaded, Written};
+pub use record::{Act, Record};
+pub use versions::{cloud_path, next as next_version, publish, version_in_force, votes_path};

@@ -1,0 +1,4 @@
+mod edits;
+mod folder;
+mod making;
+mod steps;

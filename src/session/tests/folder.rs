@@ -1,0 +1,190 @@
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::making::{anchor, perform, pictures, project, tracked};
+use crate::engine::job::Progress;
+use crate::frames::{FrameFolder, OpenRequest};
+use crate::session::store::{Folder, Loaded};
+use crate::session::{Command, Edit, NewProject, OpenProject, Session};
+
+fn open(root: &Path) -> anyhow::Result<Loaded> {
+    Folder::open(root, &Progress::default())
+}
+
+/// Every file of a folder with its bytes, but for the lock.
+fn snapshot(root: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap().flatten() {
+            match entry.path() {
+                path if path.is_dir() => folders.push(path),
+                path => found.push((path.clone(), fs::read(path).unwrap())),
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+fn painted(root: &Path) -> OpenProject {
+    let mut open = OpenProject::create(root, project()).unwrap();
+    for (frame, ids) in [(0, [1, 0, 2]), (3, [0, 2, 2]), (4, [1, 1, 1])] {
+        open.commit("Paint", vec![Edit::SetMask { frame, mask: Some(anchor(ids)) }]).unwrap();
+    }
+    open.commit("Track", vec![Edit::SetMask { frame: 1, mask: Some(tracked([1, 0, 0])) }]).unwrap();
+    open
+}
+
+#[test]
+fn a_checkpoint_can_be_read_with_other_tools() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("p");
+    let mut made = painted(&root);
+    made.save_now().unwrap();
+    let text = fs::read_to_string(root.join("project.toml")).unwrap();
+    assert!(text.starts_with("format = 1\n"), "{text}");
+    let mask = image::open(root.join("masks/a/0.png")).unwrap();
+    assert_eq!((mask.width(), mask.height()), (4, 3));
+    assert!(root.join("masks/b/1.jpg.png").exists() && root.join("masks/b/1.png.png").exists(), "b/1.jpg and b/1.png");
+    assert_eq!(fs::metadata(root.join("journal.jsonl")).unwrap().len(), 0);
+    assert_eq!(fs::read_to_string(root.join("history.jsonl")).unwrap().lines().count(), 4);
+    made.commit("Clear", vec![Edit::SetMask { frame: 0, mask: None }]).unwrap();
+    made.save_now().unwrap();
+    assert!(!root.join("masks/a/0.png").exists());
+}
+
+#[test]
+fn a_torn_last_line_is_dropped() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("p");
+    let state = painted(&root).project().clone();
+    let journal = root.join("journal.jsonl");
+    let whole = fs::read(&journal).unwrap();
+    for torn in [&b"{\"seq\":5,\"act\":{\"st"[..], b"{\"seq\":5}\n", b"\0\0\0\0", b"\0\0\n"] {
+        fs::write(&journal, [&whole[..], torn].concat()).unwrap();
+        let loaded = open(&root).unwrap();
+        assert_eq!(loaded.project, *state);
+        assert_eq!(fs::read(&journal).unwrap(), whole);
+    }
+    fs::write(&journal, &whole[..whole.len() - 7]).unwrap();
+    assert!(!open(&root).unwrap().project.masks.contains_key(&1), "the step that was not whole");
+}
+
+#[test]
+fn what_is_broken_is_refused_and_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("p");
+    let mut made = painted(&root);
+    made.save_now().unwrap();
+    made.commit("Clear", vec![Edit::SetMask { frame: 0, mask: None }]).unwrap();
+    made.commit("Clear", vec![Edit::SetMask { frame: 3, mask: None }]).unwrap();
+    drop(made);
+    let good = snapshot(&root);
+    let newer = |text: String| text.replace("format = 1\n", "format = 2\n");
+    type Case<'a> = (&'a str, &'a dyn Fn(String) -> String, &'a str);
+    let cases: [Case<'_>; 5] = [
+        ("project.toml", &newer, "newer program (format 2, this one reads 1)"),
+        ("project.toml", &|text| text[..text.len() / 2].to_owned(), "is damaged"),
+        ("project.toml", &|text| text.replace("step = 4", "step = 2"), "restore both from one backup"),
+        ("journal.jsonl", &|text| text.replacen('{', "?", 1), "line 1 is damaged"),
+        ("masks/origins.json", &|text| text[1..].to_owned(), "origins.json: is damaged"),
+    ];
+    for (name, spoil, says) in cases {
+        let path = root.join(name);
+        let before = fs::read_to_string(&path).unwrap();
+        fs::write(&path, spoil(before.clone())).unwrap();
+        let spoilt = snapshot(&root);
+        let error = format!("{:#}", open(&root).expect_err(name));
+        assert!(error.contains(says) && !error.contains('\n'), "{name}: {error}");
+        assert_eq!(snapshot(&root), spoilt, "{name}: nothing is changed");
+        fs::write(&path, before).unwrap();
+    }
+    fs::write(root.join("masks/b/1.png.png"), b"no picture").unwrap();
+    assert!(format!("{:#}", open(&root).unwrap_err()).contains("restore the mask, or remove it"));
+    for (path, bytes) in good {
+        fs::write(path, bytes).unwrap();
+    }
+    assert!(open(&root).is_ok());
+}
+
+#[test]
+fn a_damaged_history_costs_only_the_undo() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("p");
+    let mut made = painted(&root);
+    made.save_now().unwrap();
+    let state = made.project().clone();
+    drop(made);
+    fs::write(root.join("history.jsonl"), "?\n?\n").unwrap();
+    let loaded = open(&root).unwrap();
+    assert_eq!((loaded.project, loaded.warnings.len()), (state.as_ref().clone(), 1));
+    let mut again = OpenProject::loaded(open_after(loaded.folder, &root));
+    again.commit("Clear", vec![Edit::SetMask { frame: 0, mask: None }]).unwrap();
+    again.save_now().unwrap();
+    drop(again);
+    let loaded = open(&root).unwrap();
+    assert_eq!(loaded.warnings, Vec::<String>::new());
+    let mut again = OpenProject::loaded(loaded);
+    again.undo().unwrap();
+    assert_eq!(*again.project(), state);
+    assert!(again.undo().is_err());
+}
+
+/// Opens after the first holder let go.
+fn open_after(held: Folder, root: &Path) -> Loaded {
+    drop(held);
+    open(root).unwrap()
+}
+
+#[test]
+fn a_second_writer_is_kept_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("p");
+    let made = painted(&root);
+    let error = open(&root).unwrap_err().to_string();
+    assert!(error.contains("is open in another window or command"), "{error}");
+    drop(made);
+    assert!(open(&root).is_ok());
+}
+
+#[test]
+fn a_mask_file_that_is_gone_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("p");
+    let mut made = painted(&root);
+    made.save_now().unwrap();
+    drop(made);
+    fs::remove_file(root.join("masks/a/0.png")).unwrap();
+    let loaded = open(&root).unwrap();
+    assert_eq!(loaded.warnings, ["masks/a/0.png: is gone; frame 0 has no mask now"]);
+}
+
+#[test]
+fn a_failed_new_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = pictures(folder.path());
+    let mut session = Session::new();
+    let new = |root: &str, frames: &Path, cameras: Option<PathBuf>| {
+        let sources = vec![FrameFolder { frames: frames.to_owned(), depth: None }];
+        let open = OpenRequest { sources, ..OpenRequest::default() };
+        Command::New(NewProject { root: folder.path().join(root), open, cameras, intrinsics: None })
+    };
+    let before = snapshot(folder.path());
+    for command in [
+        new("x/p", &folder.path().join("nowhere"), None),
+        new("x/p", &place, Some(folder.path().join("no-cameras"))),
+        new("pictures", &place, None),
+        new("pictures/0.png/p", &place, None),
+    ] {
+        let error = perform(&mut session, command).expect_err("must fail").to_string();
+        assert!(!error.contains('\n'), "{error}");
+        assert_eq!(snapshot(folder.path()), before);
+        assert!(!folder.path().join("x").exists());
+        assert!(session.project().is_none());
+    }
+    perform(&mut session, new("x/p", &place, None)).unwrap();
+    assert_eq!(session.project().unwrap().frames.len(), 3);
+    let error = perform(&mut session, new("x/p", &place, None)).unwrap_err().to_string();
+    assert!(error.contains("already holds a project"), "{error}");
+}

@@ -1,0 +1,135 @@
+//! What the pointer does on the picture.
+
+use egui::{Key, Modifiers, PointerButton};
+use ostra::app::Tool;
+use ostra::masks::LabelId;
+use ostra::session::{Command, PaintRequest, PromptRequest};
+
+use crate::desk::{Desk, click_at, drag, on_screen, press};
+
+fn prompts(asked: &[Command]) -> Vec<&PromptRequest> {
+    asked
+        .iter()
+        .filter_map(|command| if let Command::Prompt(request) = command { Some(request) } else { None })
+        .collect()
+}
+
+fn paints(asked: &[Command]) -> Vec<&PaintRequest> {
+    asked
+        .iter()
+        .filter_map(|command| if let Command::Paint(request) = command { Some(request) } else { None })
+        .collect()
+}
+
+#[test]
+fn left_click_includes_and_right_click_excludes_the_pixel_under_the_pointer() {
+    let mut harness = Desk::sample().shown();
+    let (first, second) = (on_screen(&harness, 12.5, 30.5), on_screen(&harness, 50.5, 8.5));
+    click_at(&mut harness, first, PointerButton::Primary);
+    click_at(&mut harness, second, PointerButton::Secondary);
+    let asked = prompts(&harness.state().asked);
+    assert_eq!(asked.len(), 2, "{:?}", harness.state().asked);
+    let clicks = &asked[1].prompt.clicks;
+    assert_eq!(clicks.len(), 2, "the second prompt keeps the first click");
+    assert!((clicks[0].at_px - glam::DVec2::new(12.5, 30.5)).length() < 0.1 && clicks[0].include);
+    assert!((clicks[1].at_px - glam::DVec2::new(50.5, 8.5)).length() < 0.1 && !clicks[1].include);
+    assert_eq!((asked[1].frame, asked[1].label), (0, LabelId(1)));
+}
+
+#[test]
+fn dragging_makes_a_box_and_escape_drops_it() {
+    let mut harness = Desk::sample().shown();
+    let (from, to) = (on_screen(&harness, 40.0, 30.0), on_screen(&harness, 10.0, 12.0));
+    drag(&mut harness, from, to, PointerButton::Primary);
+    let px_box = prompts(&harness.state().asked)[0].prompt.boxes[0];
+    assert!((px_box.min_px - glam::DVec2::new(10.0, 12.0)).length() < 0.3, "{px_box:?}");
+    assert!((px_box.max_px - glam::DVec2::new(40.0, 30.0)).length() < 0.3, "{px_box:?}");
+
+    harness.state_mut().asked.clear();
+    harness.hover_at(from);
+    harness.drag_at(from);
+    harness.run_steps(1);
+    harness.hover_at(to);
+    harness.run_steps(2);
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    harness.drop_at(to);
+    harness.run_steps(2);
+    assert!(prompts(&harness.state().asked).is_empty());
+}
+
+#[test]
+fn clicks_outside_the_picture_ask_for_nothing() {
+    let mut harness = Desk::sample().shown();
+    let outside = on_screen(&harness, -0.5, 20.0);
+    click_at(&mut harness, outside, PointerButton::Primary);
+    assert!(harness.state().asked.is_empty(), "{:?}", harness.state().asked);
+}
+
+#[test]
+fn the_first_click_of_all_makes_a_label() {
+    let mut desk = Desk::sample();
+    desk.project.labels = Default::default();
+    desk.project.masks.clear();
+    let mut harness = desk.shown();
+    let at = on_screen(&harness, 5.5, 5.5);
+    click_at(&mut harness, at, PointerButton::Primary);
+    let asked = &harness.state().asked;
+    assert!(matches!(&asked[0], Command::AddLabel { name, .. } if name == "object 1"), "{asked:?}");
+    assert_eq!(prompts(asked)[0].label, LabelId(1));
+}
+
+#[test]
+fn brush_paints_the_way_of_the_pointer_and_the_right_button_erases() {
+    let mut harness = Desk::sample().shown();
+    harness.state_mut().shell.view.tool = Tool::Brush;
+    let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 10.0));
+    drag(&mut harness, from, to, PointerButton::Primary);
+    drag(&mut harness, from, to, PointerButton::Secondary);
+    let asked = paints(&harness.state().asked);
+    assert_eq!(asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(), [false, true]);
+    let points = &asked[0].points_px;
+    assert!(points.len() >= 4 && points.iter().all(|p| (p.y - 10.0).abs() < 0.3), "{points:?}");
+    assert!((points[0].x - 10.0).abs() < 0.3 && (points[points.len() - 1].x - 30.0).abs() < 0.3);
+    assert!(asked[0].radius_px > 0.0);
+}
+
+#[test]
+fn polygon_is_filled_when_the_first_corner_is_clicked_again() {
+    let mut harness = Desk::sample().shown();
+    press(&mut harness, Modifiers::NONE, Key::G);
+    for (x, y) in [(10.0, 10.0), (40.0, 12.0), (30.0, 35.0), (10.0, 10.0)] {
+        let at = on_screen(&harness, x, y);
+        click_at(&mut harness, at, PointerButton::Primary);
+        harness.run_steps(30);
+    }
+    let asked = paints(&harness.state().asked);
+    assert_eq!(asked.len(), 1);
+    assert_eq!((asked[0].points_px.len(), asked[0].radius_px), (3, 0.0));
+}
+
+#[test]
+fn wheel_zooms_at_the_pointer_and_zero_fits_again() {
+    let mut harness = Desk::sample().shown();
+    let at = on_screen(&harness, 20.5, 20.5);
+    harness.hover_at(at);
+    harness.run_steps(1);
+    let delta = egui::vec2(0.0, 120.0);
+    let (unit, phase) = (egui::MouseWheelUnit::Point, egui::TouchPhase::Move);
+    harness.event(egui::Event::MouseWheel { unit, delta, phase, source: egui::MouseWheelSource::Wheel, modifiers: Modifiers::NONE });
+    harness.run_steps(20);
+    assert!(harness.state().shell.view.zoom.scale.is_some());
+    click_at(&mut harness, at, PointerButton::Primary);
+    let clicked = prompts(&harness.state().asked)[0].prompt.clicks[0].at_px;
+    assert!((clicked - glam::DVec2::new(20.5, 20.5)).length() < 0.2, "stayed under the pointer: {clicked}");
+    press(&mut harness, Modifiers::NONE, Key::Num0);
+    assert!(harness.state().shell.view.zoom.scale.is_none());
+}
+
+#[test]
+fn middle_drag_moves_the_picture_and_asks_for_nothing() {
+    let mut harness = Desk::sample().shown();
+    let (from, to) = (on_screen(&harness, 30.0, 20.0), on_screen(&harness, 40.0, 25.0));
+    drag(&mut harness, from, to, PointerButton::Middle);
+    assert!(harness.state().asked.is_empty());
+    assert!(harness.state().shell.view.zoom.scale.is_some());
+}

@@ -1,0 +1,202 @@
+//! A window without a session: a made-up project in front, commands collected behind.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use egui::{Pos2, Ui, Vec2};
+use egui_kittest::kittest::{NodeT, Queryable};
+use egui_kittest::{Harness, HarnessBuilder};
+use glam::{DQuat, DVec3, Vec3};
+use ostra::app::{Look, Prefs, Shell};
+use ostra::frames::{Frame, FrameCamera, Image, Orientation, PictureSource};
+use ostra::geometry::{Camera, Pose};
+use ostra::masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
+use ostra::scene::LabelledCloud;
+use ostra::session::{Command, Engine, FrameMask, JobView, MaskOrigin, Pictures, Project, engines};
+
+pub const WIDTH: u32 = 64;
+pub const HEIGHT: u32 = 48;
+
+/// The window, what it looks at, and what it asked for.
+pub struct Desk {
+    pub shell: Shell,
+    pub project: Project,
+    pub root: Option<PathBuf>,
+    pub cloud: Option<Arc<LabelledCloud>>,
+    pub inspected: Option<PathBuf>,
+    pub pictures: Pictures,
+    pub jobs: Vec<JobView>,
+    pub engines: Vec<Engine>,
+    pub undo: Option<String>,
+    pub recent: Vec<PathBuf>,
+    pub asked: Vec<Command>,
+}
+
+impl Desk {
+    /// Nothing open.
+    pub fn empty() -> Self {
+        Self {
+            shell: Shell::new(Prefs::default(), None),
+            project: Project::default(),
+            root: None,
+            cloud: None,
+            inspected: None,
+            pictures: Pictures::new(|frame| Ok(Arc::new(picture(frame))), || {}),
+            jobs: Vec::new(),
+            engines: engines(),
+            undo: None,
+            recent: Vec::new(),
+            asked: Vec::new(),
+        }
+    }
+
+    /// Twelve frames with cameras, three labels, masks of every state, a cloud.
+    pub fn sample() -> Self {
+        Self {
+            project: project(),
+            root: Some("/projects/tiller".into()),
+            cloud: Some(Arc::new(cloud())),
+            undo: Some("Prompt".into()),
+            ..Self::empty()
+        }
+    }
+
+    pub fn ui(&mut self, ui: &mut Ui) {
+        let look = Look {
+            project: &self.project,
+            root: self.root.as_deref(),
+            cloud: self.cloud.as_ref(),
+            inspected: self.inspected.as_deref(),
+            pictures: Some(&self.pictures),
+            jobs: &self.jobs,
+            engines: &self.engines,
+            undo: self.undo.as_deref(),
+            redo: None,
+            recent: &self.recent,
+        };
+        self.asked.extend(self.shell.ui(ui, &look));
+    }
+
+    /// A harness that shows this desk.
+    pub fn shown(self) -> Harness<'static, Self> {
+        self.shown_by(Harness::builder())
+    }
+
+    pub fn shown_by(self, builder: HarnessBuilder<Self>) -> Harness<'static, Self> {
+        let mut harness =
+            builder.with_size(Vec2::new(1400.0, 900.0)).build_ui_state(|ui, desk: &mut Self| desk.ui(ui), self);
+        harness.run_steps(4);
+        harness
+    }
+}
+
+/// Where a picture position lies on the screen while the picture fits its pane.
+pub fn on_screen(harness: &Harness<'_, Desk>, x: f32, y: f32) -> Pos2 {
+    let frame = &harness.state().project.frames[harness.state().shell.view.frame];
+    let pane = harness.get_by_label(&format!("Picture {}", frame.name)).rect();
+    let free = pane.size() - Vec2::splat(20.0);
+    let scale = (free.x / frame.width as f32).min(free.y / frame.height as f32);
+    pane.center() + (Vec2::new(x, y) - Vec2::new(frame.width as f32, frame.height as f32) / 2.0) * scale
+}
+
+/// Presses and lets go of a button, with steps between as a hand makes.
+pub fn click_at(harness: &mut Harness<'_, Desk>, at: Pos2, button: egui::PointerButton) {
+    drag(harness, at, at, button);
+}
+
+/// Drags from one place to another.
+pub fn drag(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2, button: egui::PointerButton) {
+    let press = |pos, pressed| egui::Event::PointerButton { pos, button, pressed, modifiers: egui::Modifiers::NONE };
+    harness.hover_at(from);
+    harness.run_steps(1);
+    harness.event(press(from, true));
+    harness.run_steps(1);
+    for step in 1..=4_u8 {
+        if from != to {
+            harness.hover_at(from + (to - from) * (f32::from(step) / 4.0));
+            harness.run_steps(1);
+        }
+    }
+    harness.event(press(to, false));
+    harness.run_steps(2);
+}
+
+/// Presses a key as a keyboard does.
+pub fn press(harness: &mut Harness<'_, Desk>, modifiers: egui::Modifiers, key: egui::Key) {
+    harness.key_press_modifiers(modifiers, key);
+    harness.run_steps(2);
+}
+
+/// Labels of all nodes, for messages.
+pub fn labels(harness: &Harness<'_, Desk>) -> Vec<String> {
+    harness.root().children_recursive().filter_map(|node| node.accesskit_node().label()).collect()
+}
+
+pub fn picture(frame: usize) -> Image {
+    let pixel = |i: u32| {
+        let (x, y) = (i % WIDTH, i / WIDTH);
+        [(x * 4) as u8, (y * 5) as u8, (frame * 20 % 256) as u8]
+    };
+    Image { width: WIDTH, height: HEIGHT, pixels: (0..WIDTH * HEIGHT).map(pixel).collect() }
+}
+
+pub fn tree() -> LabelTree {
+    let mut tree = LabelTree::default();
+    for (id, name, parent) in [(1, "plant", None), (2, "leaf", Some(1)), (3, "pot", None)] {
+        let id = LabelId(id);
+        let parent = parent.map(LabelId);
+        tree.set(Label { id, name: name.into(), color: LabelTree::color_for(id), parent }).unwrap();
+    }
+    tree
+}
+
+fn project() -> Project {
+    let camera = Camera::pinhole(WIDTH, HEIGHT, 60.0, 60.0, 32.0, 24.0);
+    let frame = |number: usize| {
+        let rotation = DQuat::from_rotation_y(number as f64 * 0.1 - 0.5);
+        let camera_from_world = Some(Pose { rotation, translation: DVec3::new(0.0, 0.0, 2.0) });
+        Frame {
+            name: format!("{number:03}.png"),
+            width: WIDTH,
+            height: HEIGHT,
+            picture: PictureSource::File { path: format!("/{number:03}.png").into(), orientation: Orientation(1) },
+            depth: None,
+            camera: Some(FrameCamera { intrinsics: camera, camera_from_world }),
+        }
+    };
+    let masks = BTreeMap::from([
+        (0, mask(MaskOrigin::Anchor, false, 1.0)),
+        (1, mask(MaskOrigin::Tracked, false, 0.9)),
+        (2, mask(MaskOrigin::Tracked, true, 0.8)),
+        (5, mask(MaskOrigin::Tracked, false, 0.2)),
+    ]);
+    Project { frames: Arc::new((0..12).map(frame).collect()), labels: tree(), masks, ..Project::default() }
+}
+
+fn mask(origin: MaskOrigin, stale: bool, sure: f32) -> FrameMask {
+    let mut mask = LabelMask::empty(WIDTH, HEIGHT);
+    for y in 10..30_u32 {
+        for x in 20..40_u32 {
+            mask.ids[(y * WIDTH + x) as usize] = LabelId(2);
+        }
+    }
+    let confidence = match origin {
+        MaskOrigin::Anchor => BTreeMap::new(),
+        MaskOrigin::Tracked => BTreeMap::from([(LabelId(2), sure)]),
+    };
+    FrameMask { runs: Arc::new(RunMask::encode(&mask)), origin, stale, confidence }
+}
+
+fn cloud() -> LabelledCloud {
+    let count = 400;
+    let at = |i: usize| Vec3::new((i % 20) as f32 * 0.05 - 0.5, (i / 20) as f32 * 0.05 - 0.5, 0.0);
+    LabelledCloud {
+        positions: (0..count).map(at).collect(),
+        normals: vec![Vec3::NEG_Z; count],
+        colors: vec![[120, 160, 90]; count],
+        labels: (0..count).map(|i| LabelId((i % 4) as u16)).collect(),
+        confidence: vec![0.9; count],
+        tree: tree(),
+    }
+}

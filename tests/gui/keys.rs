@@ -1,0 +1,129 @@
+//! Keys.
+
+use egui::{Key, Modifiers, PointerButton};
+use egui_kittest::kittest::Queryable;
+use ostra::app::{Action, Dialog, Shortcuts};
+use ostra::masks::{Direction, LabelId};
+use ostra::session::Command;
+
+use crate::desk::{Desk, click_at, on_screen, press};
+
+const CTRL: Modifiers = Modifiers { ctrl: true, command: true, ..Modifiers::NONE };
+
+#[test]
+fn digits_choose_labels_in_the_order_of_the_list() {
+    let mut harness = Desk::sample().shown();
+    press(&mut harness, Modifiers::NONE, Key::Num3);
+    assert_eq!(harness.state().shell.view.label, Some(LabelId(3)));
+    press(&mut harness, Modifiers::NONE, Key::Num2);
+    assert_eq!(harness.state().shell.view.label, Some(LabelId(2)));
+    press(&mut harness, Modifiers::NONE, Key::Num9);
+    assert_eq!(harness.state().shell.view.label, Some(LabelId(2)), "there is no ninth");
+}
+
+#[test]
+fn arrows_move_through_the_frames() {
+    let mut harness = Desk::sample().shown();
+    let mut at = |modifiers, key| {
+        press(&mut harness, modifiers, key);
+        harness.state().shell.view.frame
+    };
+    assert_eq!(at(Modifiers::NONE, Key::ArrowRight), 1);
+    assert_eq!(at(Modifiers::SHIFT, Key::ArrowRight), 11);
+    assert_eq!(at(Modifiers::NONE, Key::ArrowRight), 11);
+    assert_eq!(at(Modifiers::NONE, Key::ArrowLeft), 10);
+    assert_eq!(at(Modifiers::NONE, Key::Home), 0);
+    assert_eq!(at(Modifiers::NONE, Key::End), 11);
+}
+
+#[test]
+fn d_goes_to_frames_that_are_stale_or_uncertain() {
+    let mut harness = Desk::sample().shown();
+    press(&mut harness, Modifiers::NONE, Key::D);
+    assert_eq!(harness.state().shell.view.frame, 2);
+    press(&mut harness, Modifiers::NONE, Key::D);
+    assert_eq!(harness.state().shell.view.frame, 5);
+}
+
+#[test]
+fn undo_track_and_anchor_by_key() {
+    let mut harness = Desk::sample().shown();
+    press(&mut harness, CTRL, Key::Z);
+    press(&mut harness, Modifiers::NONE, Key::ArrowRight);
+    press(&mut harness, Modifiers::NONE, Key::C);
+    press(&mut harness, Modifiers::NONE, Key::F);
+    let asked = &harness.state().asked;
+    assert_eq!(asked[0], Command::Undo);
+    assert_eq!(asked[1], Command::MakeAnchor { frame: 1 });
+    let Command::Track(settings) = &asked[2] else { panic!("{asked:?}") };
+    assert_eq!((settings.from, settings.direction), (Some(1), Direction::Forward));
+    press(&mut harness, CTRL | Modifiers::SHIFT, Key::Z);
+    assert_eq!(harness.state().asked.len(), 3, "there is nothing to redo");
+}
+
+#[test]
+fn q_and_e_click_under_the_pointer() {
+    let mut harness = Desk::sample().shown();
+    let at = on_screen(&harness, 30.5, 20.5);
+    harness.hover_at(at);
+    harness.run_steps(2);
+    press(&mut harness, Modifiers::NONE, Key::E);
+    let Command::Prompt(request) = &harness.state().asked[0] else { panic!() };
+    assert!(!request.prompt.clicks[0].include);
+}
+
+#[test]
+fn keys_type_text_while_a_field_has_focus() {
+    let mut harness = Desk::sample().shown();
+    harness.get_by_label("New label name").focus();
+    harness.run_steps(2);
+    press(&mut harness, Modifiers::NONE, Key::ArrowRight);
+    press(&mut harness, Modifiers::NONE, Key::F);
+    assert_eq!(harness.state().shell.view.frame, 0);
+    assert!(harness.state().asked.is_empty());
+}
+
+#[test]
+fn shortcut_sheet_shows_no_conflicts_and_changes_keys() {
+    assert_eq!(Shortcuts::default().conflicts(), []);
+    let mut harness = Desk::sample().shown();
+    press(&mut harness, Modifiers::SHIFT, Key::Questionmark);
+    assert_eq!(harness.state().shell.view.dialog, Some(Dialog::Shortcuts));
+    harness.get_by_label("Shortcut of Fuse: U").click();
+    harness.run_steps(2);
+    press(&mut harness, Modifiers::NONE, Key::F6);
+    assert!(harness.query_by_label("Shortcut of Fuse: F6").is_some());
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    assert_eq!(harness.state().shell.view.dialog, None);
+    press(&mut harness, Modifiers::NONE, Key::F6);
+    assert!(matches!(harness.state().asked[..], [Command::Fuse(_)]));
+}
+
+#[test]
+fn palette_finds_and_does() {
+    let mut harness = Desk::sample().shown();
+    press(&mut harness, CTRL, Key::P);
+    harness.event(egui::Event::Text("reconstr".into()));
+    harness.run_steps(2);
+    press(&mut harness, Modifiers::NONE, Key::Enter);
+    assert!(matches!(harness.state().asked[..], [Command::Reconstruct(_)]), "{:?}", harness.state().asked);
+    assert_eq!(harness.state().shell.view.dialog, None);
+}
+
+#[test]
+fn every_action_is_in_a_menu_or_has_keys() {
+    for action in Action::all() {
+        assert!(action.menu().is_some() || action.default_keys().is_some(), "{action:?}");
+    }
+}
+
+#[test]
+fn a_click_after_undo_builds_on_what_the_project_has() {
+    let mut harness = Desk::sample().shown();
+    let at = on_screen(&harness, 30.5, 20.5);
+    click_at(&mut harness, at, PointerButton::Primary);
+    press(&mut harness, CTRL, Key::Z);
+    click_at(&mut harness, at, PointerButton::Secondary);
+    let Some(Command::Prompt(request)) = harness.state().asked.last() else { panic!() };
+    assert_eq!(request.prompt.clicks.len(), 1, "the click taken back does not come again");
+}

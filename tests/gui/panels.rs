@@ -1,0 +1,146 @@
+//! Panels around the picture.
+
+use egui_kittest::kittest::{NodeT, Queryable};
+use ostra::app::{Panes, Severity};
+use ostra::masks::LabelId;
+use ostra::session::Command;
+
+use crate::desk::{Desk, labels};
+
+#[test]
+fn empty_window_says_what_to_do_first() {
+    let mut desk = Desk::empty();
+    desk.recent = vec!["/projects/rice".into()];
+    let mut harness = desk.shown();
+    assert!(harness.query_by_label("Frame 0, no mask").is_none());
+    harness.get_by_label("rice").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().asked, [Command::Open("/projects/rice".into())]);
+}
+
+#[test]
+fn filmstrip_says_the_state_of_every_frame_in_sight() {
+    let mut harness = Desk::sample().shown();
+    for name in ["Frame 0, anchor", "Frame 1, tracked", "Frame 2, stale", "Frame 3, no mask"] {
+        assert!(harness.query_by_label(name).is_some(), "{name} in {:?}", labels(&harness));
+    }
+    harness.get_by_label("Frame 2, stale").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().shell.view.frame, 2);
+}
+
+#[test]
+fn filmstrip_of_three_thousand_frames_makes_only_those_in_sight() {
+    let mut desk = Desk::sample();
+    let frames: Vec<_> = (0..3000).map(|number| desk.project.frames[number % 12].clone()).collect();
+    desk.project.frames = std::sync::Arc::new(frames);
+    let mut harness = desk.shown();
+    let tiles = |harness: &egui_kittest::Harness<'_, Desk>| {
+        labels(harness).iter().filter(|label| label.starts_with("Frame ")).count()
+    };
+    assert!(tiles(&harness) < 40, "{}", tiles(&harness));
+    harness.state_mut().shell.view.go_to(2900);
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Frame 2900, no mask").is_some(), "the strip follows");
+}
+
+#[test]
+fn labels_are_added_renamed_hidden_and_removed() {
+    let mut harness = Desk::sample().shown();
+    harness.get_by_label("New label name").focus();
+    harness.run_steps(2);
+    harness.event(egui::Event::Text("panicle".into()));
+    harness.run_steps(2);
+    harness.get_by_label("Add").click();
+    harness.run_steps(2);
+    harness.get_by_label("Hide leaf").click();
+    harness.run_steps(2);
+    assert!(harness.state().shell.view.hidden.contains(&LabelId(2)));
+    assert!(harness.query_by_label("Show leaf").is_some());
+    harness.get_by_label("More for pot").click();
+    harness.run_steps(3);
+    harness.get_by_label("Remove").click();
+    harness.run_steps(2);
+    let asked = &harness.state().asked;
+    let name = "panicle".to_owned();
+    assert_eq!(asked[..], [Command::AddLabel { name, parent: None, color: None }, Command::RemoveLabel(LabelId(3))]);
+}
+
+#[test]
+fn a_label_with_children_cannot_be_removed() {
+    let mut harness = Desk::sample().shown();
+    harness.get_by_label("More for plant").click();
+    harness.run_steps(3);
+    assert!(harness.get_by_label("Remove").accesskit_node().is_disabled());
+}
+
+#[test]
+fn engine_lists_say_what_is_installed() {
+    let mut harness = Desk::sample().shown();
+    harness.get_by_label("Tracker").click();
+    harness.run_steps(3);
+    assert!(harness.get_by_label("xmem (not installed)").accesskit_node().is_disabled(), "{:?}", labels(&harness));
+    harness.get_by_label("geometry").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().shell.view.track.tracker, "geometry");
+}
+
+#[test]
+fn buttons_ask_for_undo_tracking_reconstruction_and_fusion() {
+    let mut harness = Desk::sample().shown();
+    harness.get_by_label("Undo").click();
+    harness.run_steps(2);
+    for name in ["Track", "Reconstruct", "Fuse"] {
+        let button = harness.get_all_by_label(name).last().unwrap();
+        button.click();
+        harness.run_steps(2);
+    }
+    let asked = &harness.state().asked;
+    assert!(
+        matches!(asked[..], [Command::Undo, Command::Track(_), Command::Reconstruct(_), Command::Fuse(_)]),
+        "{asked:?}"
+    );
+}
+
+#[test]
+fn errors_are_shown_once_and_can_be_dismissed() {
+    let mut harness = Desk::sample().shown();
+    for _ in 0..2 {
+        harness.state_mut().shell.view.notices.tell(Severity::Error, "The disk is full; free some space");
+    }
+    harness.run_steps(3);
+    assert_eq!(harness.get_all_by_label("The disk is full; free some space").count(), 1);
+    harness.get_by_label("Dismiss Error: The disk is full; free some space").click();
+    harness.run_steps(2);
+    assert!(harness.query_by_label("The disk is full; free some space").is_none());
+}
+
+#[test]
+fn inspecting_a_cloud_shows_only_the_3d_view_and_its_labels() {
+    let mut desk = Desk::empty();
+    desk.cloud = Desk::sample().cloud;
+    desk.inspected = Some("/clouds/plant.ply".into());
+    let harness = desk.shown();
+    assert!(harness.query_by_label("3-D view").is_some());
+    assert!(harness.query_by_label("Hide leaf").is_some());
+    assert!(harness.query_by_label("Reconstruct").is_none());
+}
+
+#[test]
+fn panes_are_shown_side_by_side_or_alone() {
+    let mut harness = Desk::sample().shown();
+    for (panes, picture, scene) in
+        [(Panes::Both, true, true), (Panes::Picture, true, false), (Panes::Scene, false, true)]
+    {
+        harness.state_mut().shell.view.prefs.panes = panes;
+        harness.run_steps(2);
+        assert_eq!(harness.query_by_label("Picture 000.png").is_some(), picture, "{panes:?}");
+        assert_eq!(harness.query_by_label("3-D view").is_some(), scene, "{panes:?}");
+    }
+}
+
+#[test]
+fn every_control_has_a_name() {
+    let harness = Desk::sample().shown();
+    assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
+}

@@ -1,0 +1,84 @@
+//! Mask formats and scores on the DAVIS-2016 clips.
+
+use std::path::Path;
+
+use ostra::engine::job::Progress;
+use ostra::masks::{
+    LabelId, LabelMask, LabelTree, MaskFormat, MaskFrame, RunMask, ScoreOptions, deepest_point, export_masks,
+    import_masks, read_palette_png, score_masks,
+};
+
+use crate::support::data_dir;
+
+const CLIP: &str = "davis2016/Annotations/scooter-black";
+const SIZE: (u32, u32) = (854, 480);
+
+fn frame_names() -> Vec<String> {
+    (0..43).map(|frame| format!("{frame:05}.jpg")).collect()
+}
+
+fn imported(dir: &Path, format: MaskFormat, names: &[String]) -> Vec<(usize, RunMask)> {
+    let frames: Vec<MaskFrame<'_>> = frames(names);
+    let read = import_masks(dir, format, &frames, &LabelTree::default(), &Progress::default()).unwrap();
+    assert!(read.warnings.is_empty(), "{:?}", read.warnings);
+    read.masks.into_iter().collect()
+}
+
+fn frames(names: &[String]) -> Vec<MaskFrame<'_>> {
+    names.iter().map(|name| MaskFrame { name, width: SIZE.0, height: SIZE.1 }).collect()
+}
+
+fn shifted(mask: &LabelMask, by: usize) -> LabelMask {
+    let mut moved = LabelMask::empty(mask.width, mask.height);
+    let width = mask.width as usize;
+    for (to, from) in moved.ids.chunks_mut(width).zip(mask.ids.chunks(width)) {
+        to[by..].copy_from_slice(&from[..width - by]);
+    }
+    moved
+}
+
+#[test]
+fn a_shifted_truth_scores_as_computed_elsewhere() {
+    let Some(data) = data_dir() else { return };
+    let names = frame_names();
+    let masks = imported(&data.join(CLIP), MaskFormat::Davis, &names);
+    let options = ScoreOptions { skip_first: true, level: None };
+    // J and F of the same shifts, computed in NumPy from the definition.
+    for (by, j, f) in [
+        (0, 1.0, 1.0),
+        (3, 0.921_356_250_413, 1.0),
+        (9, 0.802_277_111_171, 0.827_122_924_454),
+        (20, 0.646_413_440_698, 0.463_587_172_318),
+    ] {
+        let dir = tempfile::tempdir().unwrap();
+        let moved = masks.iter().map(|(frame, mask)| (*frame, RunMask::encode(&shifted(&mask.decode(), by))));
+        let tree = LabelTree::default();
+        export_masks(dir.path(), MaskFormat::Davis, &frames(&names), moved, &tree, &Progress::default()).unwrap();
+        let score = score_masks(&data.join(CLIP), dir.path(), &options, &Progress::default()).unwrap();
+        assert_eq!((score.frames, score.labels.len()), (42, 1));
+        assert!((score.j - j).abs() < 1e-9 && (score.f - f).abs() < 1e-9, "{by}: {} {}", score.j, score.f);
+    }
+}
+
+#[test]
+fn real_masks_survive_every_format() {
+    let Some(data) = data_dir() else { return };
+    let names = frame_names();
+    let masks = imported(&data.join(CLIP), MaskFormat::Davis, &names);
+    for format in MaskFormat::ALL {
+        let dir = tempfile::tempdir().unwrap();
+        let tree = LabelTree::default();
+        let held = masks.iter().map(|(frame, mask)| (*frame, mask));
+        export_masks(dir.path(), format, &frames(&names), held, &tree, &Progress::default()).unwrap();
+        assert_eq!(imported(dir.path(), format, &names), masks, "{format:?}");
+    }
+}
+
+#[test]
+fn the_deepest_point_of_a_real_object_is_on_it() {
+    let Some(data) = data_dir() else { return };
+    let mask = read_palette_png(&data.join(CLIP).join("00000.png")).unwrap();
+    let object = mask.region(LabelId(255));
+    let (x, y) = deepest_point(&object).unwrap();
+    assert!(object.at(x, y) && object.eroded(15.0).at(x, y));
+}
