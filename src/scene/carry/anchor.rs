@@ -65,11 +65,6 @@ fn border_distance(mask: &LabelMask, most: u8) -> Vec<u8> {
         let below = if at + width >= distance.len() { most } else { distance[at + width] };
         distance[at] = distance[at].min(right.min(below).saturating_add(1));
     }
-<<<<<<< HEAD
-    let weight =
-        |d: u8| options.border_weight + (1.0 - options.border_weight) * f32::from(d) / f32::from(border.max(1));
-    distance.into_iter().map(|d| if border == 0 { 1.0 } else { weight(d) }).collect()
-=======
     distance
 }
 
@@ -103,5 +98,4 @@ mod tests {
         assert!(border_trust(&mask, &CarryOptions { border_px: 0, ..CarryOptions::default() }).iter().all(|&t| t == 1.0));
         assert_eq!(labels_of(&mask), [LabelId(7)]);
     }
->>>>>>> geom
 }
