@@ -19,9 +19,7 @@ pub(super) fn menu_bar_ui(
         ui.separator();
         undo_redo_ui(ui, look, view, wishes);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            let icon = if ui.visuals().dark_mode { "☀" } else { "🌙" };
-            let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleTheme);
-            if ui.button(icon).on_hover_text(tip).accessible_name("Dark or light").clicked() {
+            if theme_button_ui(ui, view).clicked() {
                 wishes.push(Action::ToggleTheme);
             }
             ui.weak(title(look));
@@ -103,9 +101,22 @@ fn recent_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>) {
     });
 }
 
+/// A disc, half filled: the other of dark and light.
+fn theme_button_ui(ui: &mut Ui, view: &ViewState) -> egui::Response {
+    let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleTheme);
+    let (rect, response) = ui.allocate_exact_size(egui::vec2(22.0, 20.0), egui::Sense::click());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, "Dark or light"));
+    let color = ui.style().interact(&response).text_color();
+    let (at, radius) = (rect.center(), 5.5);
+    ui.painter().circle_stroke(at, radius, egui::Stroke::new(1.3, color));
+    let half = (-8..=8).map(|k| at + radius * egui::Vec2::angled(std::f32::consts::FRAC_PI_2 * k as f32 / 8.0));
+    ui.painter().add(egui::Shape::convex_polygon(half.collect(), color, egui::Stroke::NONE));
+    response.on_hover_text(tip)
+}
+
 fn undo_redo_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
-    for (action, icon) in [(Action::Undo, "⟲"), (Action::Redo, "⟳")] {
-        let response = action_button(ui, &view.prefs.shortcuts, action, icon, is_possible(action, look, view));
+    for (action, text) in [(Action::Undo, "Undo"), (Action::Redo, "Redo")] {
+        let response = action_button(ui, &view.prefs.shortcuts, action, text, is_possible(action, look, view));
         if response.on_hover_text(text_now(action, look)).accessible_name(action.text()).clicked() {
             wishes.push(action);
         }

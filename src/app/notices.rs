@@ -48,14 +48,14 @@ impl Notices {
     }
 }
 
-/// Draws the notices at the top right of `ui`, each with a button to dismiss it.
+/// Draws the notices at the lower right, above the filmstrip, each with a button to dismiss it.
 pub(super) fn notices_ui(ui: &Ui, notices: &mut Notices) {
     if notices.shown.is_empty() {
         return;
     }
     let mut dismissed = None;
     egui::Area::new(egui::Id::unique("notices"))
-        .anchor(Align2::RIGHT_TOP, [-12.0, 40.0])
+        .anchor(Align2::RIGHT_BOTTOM, [-12.0, -152.0])
         .order(egui::Order::Foreground)
         .show(ui.ctx(), |ui| {
             for (index, notice) in notices.shown.iter().enumerate() {
@@ -86,7 +86,7 @@ fn notice_ui(ui: &mut Ui, notice: &Notice) -> bool {
                     ui.label(RichText::new(title).color(color).strong());
                     ui.label(&notice.text);
                 });
-                ui.button("✖")
+                ui.button("×")
                     .on_hover_text("Dismiss")
                     .accessible_name(format!("Dismiss {title}: {}", notice.text))
                     .clicked()

@@ -14,6 +14,15 @@ pub(super) fn icon_button(ui: &mut Ui, icon: &str, name: &str, tip: &str) -> Res
     ui.add(Button::new(icon).frame(false)).on_hover_text(tip).accessible_name(name)
 }
 
+/// A dialog over the dimmed window, with room around its content.
+pub(super) fn modal<T>(ui: &Ui, name: &str, width: f32, content: impl FnOnce(&mut Ui) -> T) -> egui::ModalResponse<T> {
+    let frame = egui::Frame::popup(ui.style()).inner_margin(18.0).corner_radius(ui.visuals().window_corner_radius);
+    egui::Modal::new(egui::Id::unique(name)).frame(frame).show(ui.ctx(), |ui| {
+        ui.set_width(width);
+        content(ui)
+    })
+}
+
 /// A heading of a section inside a panel.
 pub(super) fn section_heading(ui: &mut Ui, text: &str) {
     ui.add_space(2.0);

@@ -9,14 +9,18 @@ use crate::view::{Coloring, ShotOptions, shot, write_png};
 
 pub(super) fn demo(args: &DemoArgs) -> Result<()> {
     if args.method != DemoMethod::Given {
-        bail!("demo --method {:?} needs an engine that this version does not have yet; use --method given", args.method);
+        bail!(
+            "demo --method {:?} needs an engine that this version does not have yet; use --method given",
+            args.method
+        );
     }
     let (width, height) = args.size;
     let scene = match args.scene {
         SceneName::Tiller => SceneKind::Tiller,
         SceneName::Bricks => SceneKind::Bricks,
     };
-    let scene = SceneOptions { scene, views: args.frames as usize, width, height, seed: args.seed, ..SceneOptions::default() };
+    let scene =
+        SceneOptions { scene, views: args.frames as usize, width, height, seed: args.seed, ..SceneOptions::default() };
     let mut session = Session::new();
     let mut lines = ProgressLines::default();
     let options = DemoOptions { out: args.out.clone(), scene };
@@ -40,5 +44,8 @@ fn draw(session: &Session, args: &DemoArgs) -> Result<()> {
 
 /// Whether a window can be opened; other systems than X11 and Wayland always have one.
 fn has_display() -> bool {
-    !cfg!(target_os = "linux") || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some_and(|value| !value.is_empty()))
+    !cfg!(target_os = "linux")
+        || ["DISPLAY", "WAYLAND_DISPLAY"]
+            .iter()
+            .any(|name| std::env::var_os(name).is_some_and(|value| !value.is_empty()))
 }

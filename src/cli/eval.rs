@@ -17,7 +17,14 @@ pub(super) fn eval(verb: EvalVerb) -> Result<()> {
 }
 
 fn masks(args: &EvalArgs) -> Result<()> {
-    refuse(args, &[("within", !args.within.is_empty()), ("align", args.align != Align::None), ("cameras", args.cameras.is_some())])?;
+    refuse(
+        args,
+        &[
+            ("within", !args.within.is_empty()),
+            ("align", args.align != Align::None),
+            ("cameras", args.cameras.is_some()),
+        ],
+    )?;
     let options = ScoreOptions { skip_first: args.skip_first, level: args.level };
     let score = evaluate_masks(&args.truth, &args.result, &options)?;
     warn(&score.warnings);
@@ -26,11 +33,8 @@ fn masks(args: &EvalArgs) -> Result<()> {
 
 fn cloud(args: EvalArgs) -> Result<()> {
     refuse(&args, &[("align", args.align != Align::None), ("skip-first", args.skip_first)])?;
-    let evaluation = CloudEvaluation {
-        within: args.within,
-        level: args.level,
-        cameras: args.cameras.zip(args.min_views),
-    };
+    let evaluation =
+        CloudEvaluation { within: args.within, level: args.level, cameras: args.cameras.zip(args.min_views) };
     let (score, warnings) = evaluate_cloud(&args.truth, &args.result, &evaluation)?;
     warn(&warnings);
     print(args.json, &score, &cloud_table(&score))
@@ -68,7 +72,9 @@ fn interact(args: &InteractArgs) -> Result<()> {
 /// An option that means nothing here is refused rather than ignored.
 fn refuse(args: &EvalArgs, given: &[(&str, bool)]) -> Result<()> {
     match given.iter().find(|(_, given)| *given) {
-        Some((option, _)) => bail!("--{option} means nothing for this score of {}; leave it out", args.result.display()),
+        Some((option, _)) => {
+            bail!("--{option} means nothing for this score of {}; leave it out", args.result.display())
+        }
         None => Ok(()),
     }
 }

@@ -21,7 +21,8 @@ pub(super) fn info(args: &InfoArgs) -> Result<()> {
 
 /// What a project holds, as `info --json` prints it.
 fn as_json(project: &Project) -> Value {
-    let frames: Vec<Value> = project.frames.iter().enumerate().map(|(number, frame)| frame_json(project, number, frame)).collect();
+    let frames: Vec<Value> =
+        project.frames.iter().enumerate().map(|(number, frame)| frame_json(project, number, frame)).collect();
     let labels: Vec<Value> = project
         .labels
         .iter()
@@ -47,7 +48,8 @@ fn as_json(project: &Project) -> Value {
 /// What a project holds, for people to read.
 fn as_text(project: &Project) -> String {
     let mut text = String::new();
-    let count = |wanted: &str| (0..project.frames.len()).filter(|&number| mask_state(project, number) == wanted).count();
+    let count =
+        |wanted: &str| (0..project.frames.len()).filter(|&number| mask_state(project, number) == wanted).count();
     let with = |has: fn(&Frame) -> bool| project.frames.iter().filter(|frame| has(frame)).count();
     let _ = writeln!(
         text,
@@ -56,14 +58,34 @@ fn as_text(project: &Project) -> String {
         with(|frame| frame.depth.is_some()),
         with(|frame| frame.posed_camera().is_some())
     );
-    let _ = writeln!(text, "masks: {} anchors, {} tracked, {} stale, {} none", count("anchor"), count("tracked"), count("stale"), count("none"));
+    let _ = writeln!(
+        text,
+        "masks: {} anchors, {} tracked, {} stale, {} none",
+        count("anchor"),
+        count("tracked"),
+        count("stale"),
+        count("none")
+    );
     for label in project.labels.iter() {
-        let path: Vec<&str> = project.labels.path(label.id).iter().filter_map(|&id| project.labels.get(id)).map(|label| label.name.as_str()).collect();
+        let path: Vec<&str> = project
+            .labels
+            .path(label.id)
+            .iter()
+            .filter_map(|&id| project.labels.get(id))
+            .map(|label| label.name.as_str())
+            .collect();
         let _ = writeln!(text, "label {:>3}  {}", label.id.0, path.join(" › "));
     }
     for (kind, record) in &project.results {
         let stale = if record.stale { ", stale: make it anew" } else { "" };
-        let _ = writeln!(text, "{}: {}, {} frames, {:.1} s{stale}", result_name(*kind), record.engine, record.frames, record.seconds);
+        let _ = writeln!(
+            text,
+            "{}: {}, {} frames, {:.1} s{stale}",
+            result_name(*kind),
+            record.engine,
+            record.frames,
+            record.seconds
+        );
     }
     text
 }

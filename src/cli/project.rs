@@ -1,11 +1,14 @@
 use anyhow::{Context, Result, bail};
 
 use super::args::{
-    ExportArgs, FuseArgs, GroundArgs, LabelArgs, MasksArgs, MasksVerb, Method, PromptArgs, ReconstructArgs, TrackArgs, Way,
+    ExportArgs, FuseArgs, GroundArgs, LabelArgs, MasksArgs, MasksVerb, Method, PromptArgs, ReconstructArgs, TrackArgs,
+    Way,
 };
 use super::drive::Driver;
 use crate::masks::{Click, Direction, Prompt, PxBox};
-use crate::session::{Command, ExportRequest, FuseRequest, PromptRequest, ReconstructMethod, ReconstructRequest, TrackSettings};
+use crate::session::{
+    Command, ExportRequest, FuseRequest, PromptRequest, ReconstructMethod, ReconstructRequest, TrackSettings,
+};
 
 pub(super) fn label(args: LabelArgs) -> Result<()> {
     let command = Command::AddLabel { name: args.name, parent: args.parent, color: args.color };
@@ -96,7 +99,14 @@ pub(super) fn export(args: ExportArgs) -> Result<()> {
         twin: args.twin,
         per_label: args.per_label,
     };
-    if request == (ExportRequest { level: request.level, twin: request.twin, per_label: request.per_label, ..Default::default() }) {
+    if request
+        == (ExportRequest {
+            level: request.level,
+            twin: request.twin,
+            per_label: request.per_label,
+            ..Default::default()
+        })
+    {
         bail!("nothing to export was named; give --cloud, --cameras, --masks, --depths or --traits with a path");
     }
     Driver::open(&args.project)?.act_and_save([Command::Export(request)])

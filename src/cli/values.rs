@@ -86,6 +86,11 @@ mod tests {
         assert!(color("#fff").is_err() && color("red").is_err());
         assert_eq!(size("480x640").unwrap(), (480, 640));
         assert!(size("480").is_err() && size("0x9").is_err());
-        assert!(intrinsics("0,1,2,3").is_err() && share("1.2").is_err() && positive("-1").is_err() && from_one("0").is_err());
+        assert!(
+            intrinsics("0,1,2,3").is_err()
+                && share("1.2").is_err()
+                && positive("-1").is_err()
+                && from_one("0").is_err()
+        );
     }
 }

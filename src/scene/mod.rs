@@ -3,7 +3,7 @@
 //! May use: masks, frames, geometry, engine::job; only GPU twins use engine::gpu, only `sfm/onnx` engine::nn.
 //! Must not touch: Project, UI.
 
-mod carry;
+pub mod carry;
 mod cloud;
 mod error;
 pub mod fuse;

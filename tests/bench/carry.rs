@@ -92,6 +92,7 @@ fn main() {
     }
     let mut total = 0.0;
     let mut n = 0.0;
+    if std::env::var("NOAPC").is_ok() { runs.clear(); }
     for (name, anchors) in runs {
         let arcs: BTreeMap<usize, Arc<LabelMask>> = anchors.iter().map(|(&k, v)| (k, Arc::new(v.clone()))).collect();
         let (out, t) = track(&frames, arcs);

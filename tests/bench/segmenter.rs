@@ -1,22 +1,30 @@
 //! The built-in segmenter against real pictures with truth: a robot user clicks, accuracy and time are printed.
 //!
-//! `cargo bench --bench segmenter [davis] [shelf] [time] [NAME…]`; with `OSTRA_SHOTS=DIR` answers are drawn there.
+//! `cargo bench --bench segmenter [davis] [shelf] [tiller] [boxes] [time] [NAME…]`; with `OSTRA_SHOTS=DIR` answers are drawn there.
+
+#![expect(
+    clippy::print_stdout,
+    clippy::expect_used,
+    reason = "a bench prints its table and ends where data is missing"
+)]
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use glam::DVec2;
 use ostra::engine::job::Progress;
 use ostra::frames::{DepthMap, Image};
 use ostra::masks::builtin::BuiltinSegmenter;
-use ostra::masks::{Click, PreparedFrame, Prompt, Region, SegmentRequest, Segmenter, next_click};
+use ostra::masks::{Click, LabelId, PreparedFrame, Prompt, PxBox, Region, SegmentRequest, Segmenter, next_click};
+use ostra::scene::synthetic::{Scene, SceneOptions};
 
 const CAP: usize = 20;
 const SHOWN: [usize; 5] = [1, 3, 5, 10, 20];
 
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
-    let parts = ["davis", "shelf", "time"];
+    let parts = ["davis", "shelf", "tiller", "boxes", "time"];
     let wants =
         |part: &str| words.iter().any(|word| word == part) || !words.iter().any(|word| parts.contains(&&**word));
     let names: Vec<&str> = words.iter().map(|word| &**word).filter(|word| !parts.contains(word)).collect();
@@ -31,6 +39,12 @@ fn main() {
     if wants("shelf") {
         shelf(&data.join("apc_shelf_rgbd_labels"), &names);
     }
+    if wants("tiller") {
+        tiller(&names);
+    }
+    if wants("boxes") {
+        boxes(&data, &names);
+    }
     if wants("time") {
         times(&data.join("davis2016"));
     }
@@ -40,21 +54,63 @@ fn main() {
 fn davis(root: &Path, names: &[&str]) {
     println!("davis2016: IoU after clicks, clicks to 0.85 and 0.90, ms an answer");
     let mut runs = Vec::new();
-    for clip in sorted(&root.join("JPEGImages")) {
-        if !names.is_empty() && !names.contains(&&*clip) {
-            continue;
-        }
-        let pictures = sorted(&root.join("JPEGImages").join(&clip));
-        for at in [0, pictures.len() / 2, pictures.len() - 1] {
-            let image = picture(&root.join("JPEGImages").join(&clip).join(&pictures[at]));
-            let truth = mask(&root.join("Annotations").join(&clip).join(format!("{at:05}.png")), |value| value > 127);
-            let name = format!("{clip}-{at}");
-            let run = play(&name, &image, None, &truth, CAP);
-            println!("{}", run.line(&name));
-            runs.push(run);
-        }
+    for (name, image, truth) in davis_frames(root, names) {
+        let run = play(&name, &image, None, &truth, CAP);
+        println!("{}", run.line(&name));
+        runs.push(run);
     }
     summary(&runs);
+}
+
+/// First, middle and last frame of each clip with its truth.
+fn davis_frames(root: &Path, names: &[&str]) -> impl Iterator<Item = (String, Arc<Image>, Region)> {
+    let clips = sorted(&root.join("JPEGImages")).into_iter();
+    let wanted = clips.filter(|clip| names.is_empty() || names.contains(&&**clip));
+    wanted.flat_map(|clip| {
+        let folder = root.join("JPEGImages").join(&clip);
+        let pictures = sorted(&folder);
+        [0, pictures.len() / 2, pictures.len() - 1].map(|at| {
+            let truth = root.join("Annotations").join(&clip).join(format!("{at:05}.png"));
+            (format!("{clip}-{at}"), picture(&folder.join(&pictures[at])), mask(&truth, |value| value > 127))
+        })
+    })
+}
+
+/// The truth's bounding box as the only prompt.
+fn boxes(data: &Path, names: &[&str]) {
+    println!("IoU of a box alone");
+    let mut sum = (0.0, 0.0);
+    for (name, image, truth) in davis_frames(&data.join("davis2016"), names) {
+        let found = boxed(&name, &image, None, &truth);
+        println!("{name:18} {found:.3}");
+        sum = (sum.0 + found, sum.1 + 1.0);
+    }
+    println!("mean of davis2016 {:.3}", sum.0 / f64::max(sum.1, 1.0));
+    for (kind, title) in ["colour alone", "with depth"].iter().enumerate() {
+        let mut sum = (0.0, 0.0);
+        for (name, image, depth, truth) in shelf_objects(&data.join("apc_shelf_rgbd_labels"), names) {
+            sum =
+                (sum.0 + boxed(&format!("{name}-{kind}"), &image, (kind == 1).then_some(&depth), &truth), sum.1 + 1.0);
+        }
+        println!("mean of the shelf, {title}: {:.3}", sum.0 / f64::max(sum.1, 1.0));
+    }
+}
+
+/// Every object of every third view.
+fn shelf_objects(root: &Path, names: &[&str]) -> Vec<(String, Arc<Image>, Arc<DepthMap>, Region)> {
+    let mut found = Vec::new();
+    for (at, file) in sorted(&root.join("color")).iter().enumerate().step_by(3) {
+        let image = picture(&root.join("color").join(file));
+        let depth = Arc::new(depth(&root.join("depth").join(file)));
+        for object in 1..=4u8 {
+            let name = format!("shelf{at}-{object}");
+            if names.is_empty() || names.contains(&&*name) {
+                let truth = mask(&root.join("labels").join(file), |value| value == object);
+                found.push((name, image.clone(), depth.clone(), truth));
+            }
+        }
+    }
+    found
 }
 
 fn summary(runs: &[Run]) {
@@ -85,38 +141,50 @@ fn shelf(root: &Path, names: &[&str]) {
     let mut sums = [[0.0; 3]; 2];
     let mut best = [[[0.0f64; 3]; 2]; 4];
     let mut count = 0.0;
-    for (at, file) in sorted(&root.join("color")).iter().enumerate().filter(|(at, _)| at % 3 == 0) {
-        let image = picture(&root.join("color").join(file));
-        let depth = Arc::new(depth(&root.join("depth").join(file)));
-        for object in 1..=4u8 {
-            let name = format!("shelf{at}-{object}");
-            if !names.is_empty() && !names.contains(&&*name) {
-                continue;
+    for (name, image, depth, truth) in shelf_objects(root, names) {
+        let mut line = format!("{name:16}");
+        for (kind, depth) in [None, Some(&depth)].into_iter().enumerate() {
+            let run = play(&format!("{name}-{}", ["rgb", "rgbd"][kind]), &image, depth, &truth, 3);
+            for clicks in 0..3 {
+                sums[kind][clicks] += run.after(clicks + 1);
+                let object = name.bytes().last().map_or(0, |digit| usize::from(digit - b'1'));
+                let most = &mut best[object][kind][clicks];
+                *most = most.max(run.after(clicks + 1));
+                line += &format!(" {:.3}", run.after(clicks + 1));
             }
-            let truth = mask(&root.join("labels").join(file), |value| value == object);
-            if truth.area() < 500 {
-                continue;
-            }
-            let mut line = format!("{name:16}");
-            for (kind, depth) in [None, Some(&depth)].into_iter().enumerate() {
-                let run = play(&format!("{name}-{}", ["rgb", "rgbd"][kind]), &image, depth, &truth, 3);
-                for clicks in 0..3 {
-                    sums[kind][clicks] += run.after(clicks + 1);
-                    let most = &mut best[usize::from(object) - 1][kind][clicks];
-                    *most = most.max(run.after(clicks + 1));
-                    line += &format!(" {:.3}", run.after(clicks + 1));
-                }
-                line += " |";
-            }
-            count += 1.0;
-            println!("{line}");
+            line += " |";
         }
+        count += 1.0;
+        println!("{line}");
     }
     for (kind, sums) in ["colour alone", "with depth"].iter().zip(sums) {
         println!("mean {kind}: {}", sums.map(|sum| format!("{:.3}", sum / count)).join(" "));
     }
     for (object, best) in best.iter().enumerate() {
         println!("best view of object {}: {:.3?} | {:.3?}", object + 1, best[0], best[1]);
+    }
+}
+
+/// Robot user on each organ class of a made tiller, with exact depth: many parts are one label.
+fn tiller(names: &[&str]) {
+    println!("tiller: IoU after 1 2 3 5 8 clicks with depth");
+    let options = SceneOptions { seed: 7, views: 3, ..SceneOptions::default() };
+    let scene = Scene::build(&options).expect("the default scene can be made");
+    for view in scene.views() {
+        let seen = scene.render(view);
+        let (image, depth) = (Arc::new(seen.image), Arc::new(seen.depth));
+        for label in scene.tree().iter().filter(|label| scene.tree().depth(label.id) == Scene::CLASS_LEVEL) {
+            let name = format!("tiller{}-{}", view.index, label.name);
+            if !names.is_empty() && !names.contains(&&*name) {
+                continue;
+            }
+            let is_inside = |id: &LabelId| scene.tree().at_level(*id, Scene::CLASS_LEVEL) == label.id;
+            let inside = seen.mask.ids.iter().map(is_inside).collect();
+            let truth = Region { width: image.width, height: image.height, inside };
+            let run = play(&name, &image, Some(&depth), &truth, 8);
+            let ious: Vec<String> = [1, 2, 3, 5, 8].map(|after| format!("{:.3}", run.after(after))).into();
+            println!("{name:18} {}", ious.join(" "));
+        }
     }
 }
 
@@ -179,6 +247,23 @@ fn play(name: &str, image: &Arc<Image>, depth: Option<&Arc<DepthMap>>, truth: &R
         shoot(name, run.ious.len(), image, truth, &answer, &prompt.clicks);
     }
     run
+}
+
+/// IoU of the answer to the truth's bounding box alone.
+fn boxed(name: &str, image: &Arc<Image>, depth: Option<&Arc<DepthMap>>, truth: &Region) -> f64 {
+    let frame = BuiltinSegmenter.prepare(image, depth, &Progress::default()).expect("the picture can be prepared");
+    let width = truth.width as usize;
+    let places = || (0..truth.inside.len()).filter(|&at| truth.inside[at]).map(|at| (at % width, at / width));
+    let least = |axis: fn((usize, usize)) -> usize| places().map(axis).min().unwrap_or(0) as f64;
+    let most = |axis: fn((usize, usize)) -> usize| places().map(axis).max().unwrap_or(0) as f64 + 1.0;
+    let part = PxBox {
+        min_px: DVec2::new(least(|place| place.0), least(|place| place.1)),
+        max_px: DVec2::new(most(|place| place.0), most(|place| place.1)),
+    };
+    let prompt = Prompt { clicks: Vec::new(), boxes: vec![part] };
+    let answer = ask(&*frame, &prompt, truth);
+    shoot(&format!("{name}-box"), 0, image, truth, &answer, &[]);
+    iou(truth, &answer)
 }
 
 fn ask(frame: &dyn PreparedFrame, prompt: &Prompt, answer: &Region) -> Region {

@@ -115,7 +115,13 @@ fn wheel_zooms_at_the_pointer_and_zero_fits_again() {
     harness.run_steps(1);
     let delta = egui::vec2(0.0, 120.0);
     let (unit, phase) = (egui::MouseWheelUnit::Point, egui::TouchPhase::Move);
-    harness.event(egui::Event::MouseWheel { unit, delta, phase, source: egui::MouseWheelSource::Wheel, modifiers: Modifiers::NONE });
+    harness.event(egui::Event::MouseWheel {
+        unit,
+        delta,
+        phase,
+        source: egui::MouseWheelSource::Wheel,
+        modifiers: Modifiers::NONE,
+    });
     harness.run_steps(20);
     assert!(harness.state().shell.view.zoom.scale.is_some());
     click_at(&mut harness, at, PointerButton::Primary);

@@ -38,7 +38,7 @@ fn export_writes_what_is_ticked() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers { ctrl: true, command: true, ..Modifiers::NONE }, Key::E);
     assert_eq!(harness.state().shell.view.dialog, Some(Dialog::Export));
-    harness.get_by_label("Masks").click();
+    harness.get_all_by_label("Masks").last().unwrap().click();
     type_into(&mut harness, "Export folder", "/out");
     harness.get_by_label("Write files").click();
     harness.run_steps(2);

@@ -89,6 +89,8 @@ fn shortcut_sheet_shows_no_conflicts_and_changes_keys() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::SHIFT, Key::Questionmark);
     assert_eq!(harness.state().shell.view.dialog, Some(Dialog::Shortcuts));
+    harness.get_by_label("Shortcut of Fuse: U").scroll_to_me();
+    harness.run_steps(4);
     harness.get_by_label("Shortcut of Fuse: U").click();
     harness.run_steps(2);
     press(&mut harness, Modifiers::NONE, Key::F6);

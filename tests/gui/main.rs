@@ -2,6 +2,7 @@
 
 #[cfg(test)]
 #[path = "../support/mod.rs"]
+#[expect(dead_code, reason = "only part of what the tests share is used here")]
 mod support;
 
 #[cfg(test)]

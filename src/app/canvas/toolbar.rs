@@ -6,11 +6,11 @@ use crate::app::{Action, ViewState};
 
 /// Tools, zoom and the look of the masks, in one row above the picture.
 pub(super) fn toolbar_ui(ui: &mut Ui, view: &mut ViewState, zoom_percent: f32, wishes: &mut Vec<Action>) {
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         tools_ui(ui, view);
-        ui.separator();
+        ui.add_space(8.0);
         zoom_ui(ui, view, zoom_percent, wishes);
-        ui.separator();
+        ui.add_space(8.0);
         mask_look_ui(ui, view);
     });
 }
@@ -23,13 +23,14 @@ fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
             view.draft.drop_half_made();
         }
     }
-    if matches!(view.tool, Tool::Brush | Tool::Eraser) {
+    let brush = matches!(view.tool, Tool::Brush | Tool::Eraser);
+    ui.add_enabled_ui(brush, |ui| {
         let size =
             egui::DragValue::new(&mut view.prefs.brush_px).range(0.5..=500.0).speed(0.2).suffix(" px").max_decimals(1);
         ui.add(size)
             .on_hover_text("Radius of the brush (Shift+wheel over the picture)")
             .accessible_name("Brush radius");
-    }
+    });
 }
 
 fn zoom_ui(ui: &mut Ui, view: &ViewState, zoom_percent: f32, wishes: &mut Vec<Action>) {

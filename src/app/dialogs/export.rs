@@ -1,7 +1,7 @@
-use egui::{DragValue, Modal, Ui};
+use egui::{DragValue, Ui};
 
 use super::picker::{Pick, PickTarget, path_field_ui};
-use crate::app::tips::section_heading;
+use crate::app::tips::{modal, section_heading};
 use crate::app::view_state::typed_path;
 use crate::app::{Look, ViewState};
 use crate::session::{Command, ExportRequest};
@@ -76,8 +76,7 @@ impl ExportForm {
 /// The export dialog: what to write, and into which folder.
 pub(in crate::app) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let has = Available::of(look);
-    let response = Modal::new(egui::Id::unique("export")).show(ui.ctx(), |ui| {
-        ui.set_width(520.0);
+    let response = modal(ui, "export", 520.0, |ui| {
         ui.heading("Export");
         ui.add_space(8.0);
         what_ui(ui, &mut view.export, &has);

@@ -1,10 +1,10 @@
 use std::path::PathBuf;
 
-use egui::{DragValue, Grid, Modal, TextEdit, Ui};
+use egui::{DragValue, Grid, TextEdit, Ui};
 
 use super::picker::{Pick, PickTarget, path_field_ui};
 use super::sources::{SourceForm, sources_ui};
-use crate::app::tips::{field, section_heading};
+use crate::app::tips::{field, modal, section_heading};
 use crate::app::view_state::typed_path;
 use crate::app::{Dialog, ViewState};
 use crate::frames::OpenRequest;
@@ -105,8 +105,7 @@ impl NewProjectForm {
 /// The dialog for a new project, or for more frames in the open one.
 pub(in crate::app) fn new_project_ui(ui: &Ui, view: &mut ViewState, dialog: Dialog, out: &mut Vec<Command>) {
     let new = dialog == Dialog::NewProject;
-    let response = Modal::new(egui::Id::unique("new project")).show(ui.ctx(), |ui| {
-        ui.set_width(600.0);
+    let response = modal(ui, "new project", 600.0, |ui| {
         ui.heading(if new { "New project from frames" } else { "Add frames" });
         ui.add_space(8.0);
         Grid::new("sources").num_columns(2).spacing([12.0, 8.0]).show(ui, |ui| form_ui(ui, view, new));

@@ -1,13 +1,13 @@
-use egui::{Button, Key, Modal, ScrollArea, TextEdit, Ui};
+use egui::{Button, Key, ScrollArea, TextEdit, Ui};
 
 use crate::app::menu::{is_possible, text_now};
+use crate::app::tips::modal;
 use crate::app::{Action, Look, ViewState};
 
 /// A list of all actions to type into; Enter does the first one.
 pub(in crate::app) fn palette_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     let mut chosen = None;
-    let response = Modal::new(egui::Id::unique("palette")).show(ui.ctx(), |ui| {
-        ui.set_width(440.0);
+    let response = modal(ui, "palette", 440.0, |ui| {
         let edit = TextEdit::singleline(&mut view.palette_text)
             .hint_text("Type what you want to do")
             .desired_width(f32::INFINITY);

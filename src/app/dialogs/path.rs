@@ -1,7 +1,8 @@
-use egui::{Key, Modal, Ui};
+use egui::{Key, Ui};
 
 use super::picker::{Pick, PickTarget, path_field_ui};
 use crate::app::ViewState;
+use crate::app::tips::modal;
 use crate::app::view_state::{PathWish, typed_path};
 use crate::session::Command;
 
@@ -17,8 +18,7 @@ struct Texts {
 pub(in crate::app) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut Vec<Command>) {
     let texts = texts(wish);
     let mut done = false;
-    let response = Modal::new(egui::Id::unique("path")).show(ui.ctx(), |ui| {
-        ui.set_width(480.0);
+    let response = modal(ui, "path", 480.0, |ui| {
         ui.heading(texts.heading);
         ui.add_space(8.0);
         ui.horizontal(|ui| {

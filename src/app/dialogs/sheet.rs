@@ -1,6 +1,7 @@
-use egui::{Button, Context, Event, Grid, Key, Modal, RichText, ScrollArea, Ui};
+use egui::{Button, Context, Event, Grid, Key, RichText, ScrollArea, Ui};
 
 use crate::app::shortcuts::pressed_keys;
+use crate::app::tips::modal;
 use crate::app::{Action, MenuName, ViewState};
 
 /// The shortcut sheet: which action waits for new keys.
@@ -35,8 +36,7 @@ const POINTER: [(&str, &str); 12] = [
 /// All shortcuts, each with a button to change it, and what the pointer does.
 pub(in crate::app) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
     listen(ui.ctx(), view);
-    let response = Modal::new(egui::Id::unique("shortcuts")).show(ui.ctx(), |ui| {
-        ui.set_width(720.0);
+    let response = modal(ui, "shortcuts", 720.0, |ui| {
         ui.horizontal(|ui| {
             ui.heading("Shortcuts");
             ui.weak("Click a shortcut to change it");
@@ -53,7 +53,8 @@ pub(in crate::app) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
             });
         });
         ui.add_space(6.0);
-        ScrollArea::vertical().max_height(560.0).show(ui, |ui| {
+        let height = (ui.ctx().content_rect().height() - 150.0).max(200.0);
+        ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(ui, |ui| {
             ui.columns(2, |columns| {
                 for menu in [MenuName::File, MenuName::Edit] {
                     menu_ui(&mut columns[0], view, menu);

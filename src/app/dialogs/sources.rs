@@ -24,28 +24,24 @@ pub(super) fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec
     let mut removed = None;
     let several = sources.len() > 1;
     for (index, source) in sources.iter_mut().enumerate() {
-        ui.push_id(index, |ui| {
-            let number = if several { format!(" {}", index + 1) } else { String::new() };
-            ui.label(format!("Frames{number}")).on_hover_text("A folder of pictures, one picture, or a film");
-            ui.horizontal(|ui| {
-                let name = format!("Frames folder or film{number}");
-                let ends = ("folder of pictures, or a film", (Pick::Folder, PickTarget::Frames(index)));
-                path_field_ui(ui, picker, (&name, ends.0), &mut source.frames, ends.1);
-                if several && icon_button(ui, "✖", &format!("Remove source{number}"), "Takes this source out").clicked()
-                {
-                    removed = Some(index);
-                }
-            });
-            ui.end_row();
-            ui.label(format!("Depth{number}"))
-                .on_hover_text("Folder of 16-bit depth pictures that belong to these frames");
-            ui.horizontal(|ui| {
-                let name = format!("Depth folder{number}");
-                let target = (Pick::Folder, PickTarget::Depth(index));
-                path_field_ui(ui, picker, (&name, "none"), &mut source.depth, target);
-            });
-            ui.end_row();
+        let number = if several { format!(" {}", index + 1) } else { String::new() };
+        ui.label(format!("Frames{number}")).on_hover_text("A folder of pictures, one picture, or a film");
+        ui.horizontal(|ui| {
+            let name = format!("Frames folder or film{number}");
+            let ends = ("folder of pictures, or a film", (Pick::Folder, PickTarget::Frames(index)));
+            path_field_ui(ui, picker, (&name, ends.0), &mut source.frames, ends.1);
+            if several && icon_button(ui, "×", &format!("Remove source{number}"), "Takes this source out").clicked() {
+                removed = Some(index);
+            }
         });
+        ui.end_row();
+        ui.label(format!("Depth{number}")).on_hover_text("Folder of 16-bit depth pictures that belong to these frames");
+        ui.horizontal(|ui| {
+            let name = format!("Depth folder{number}");
+            let target = (Pick::Folder, PickTarget::Depth(index));
+            path_field_ui(ui, picker, (&name, "none"), &mut source.depth, target);
+        });
+        ui.end_row();
     }
     if let Some(index) = removed {
         sources.remove(index);

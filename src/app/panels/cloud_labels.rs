@@ -50,7 +50,7 @@ pub(in crate::app) fn cloud_labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut V
                 ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                     eye_ui(ui, view, label);
                     let points = counts.get(&label.id).copied().unwrap_or(0);
-                    ui.label(RichText::new(grouped(points)).weak().small()).on_hover_text("Points with this label");
+                    ui.label(RichText::new(grouped(points)).weak().size(11.0)).on_hover_text("Points with this label");
                 });
             });
         }

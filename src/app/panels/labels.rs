@@ -57,7 +57,7 @@ fn show_all_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     }
     let all_hidden = !view.hidden.is_empty();
     let (text, tip) = if all_hidden { ("Show all", "Shows all labels") } else { ("Hide all", "Hides all labels") };
-    if ui.add(egui::Button::new(RichText::new(text).small()).frame(false)).on_hover_text(tip).clicked() {
+    if ui.add(egui::Button::new(RichText::new(text).weak().size(11.0)).frame(false)).on_hover_text(tip).clicked() {
         view.hidden =
             if all_hidden { Default::default() } else { look.project.labels.iter().map(|label| label.id).collect() };
     }
@@ -90,6 +90,7 @@ fn label_row_ui(
 
 fn color_ui(ui: &mut Ui, label: &Label, out: &mut Vec<Command>) {
     let mut color = label.color;
+    ui.spacing_mut().interact_size = egui::vec2(16.0, 16.0);
     let response = ui.color_edit_button_srgb(&mut color).on_hover_text("Changes the colour");
     if response.accessible_name(format!("Colour of {}", label.name)).changed() {
         out.push(Command::EditLabel(Label { color, ..label.clone() }));
@@ -133,11 +134,11 @@ fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> Respons
 }
 
 fn row_end_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>, label: &Label) {
-    let more = ui.menu_button("⋯", |ui| label_menu_ui(ui, look, view, out, label)).response;
+    let more = ui.menu_button("…", |ui| label_menu_ui(ui, look, view, out, label)).response;
     more.on_hover_text("Rename, move, remove").accessible_name(format!("More for {}", label.name));
     eye_ui(ui, view, label);
     let frames = view.presence.frames_with(label.id);
-    let text = RichText::new(frames.to_string()).weak().small();
+    let text = RichText::new(frames.to_string()).weak().size(11.0);
     ui.label(text).on_hover_text(format!("'{}' is on {frames} frames", label.name));
 }
 

@@ -12,11 +12,11 @@ const COLORINGS: [(Coloring, &str, &str); 3] = [
 
 /// What colours show, point size, frusta and where to look from.
 pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         for (coloring, text, tip) in COLORINGS {
             ui.selectable_value(&mut view.coloring, coloring, text).on_hover_text(tip);
         }
-        ui.separator();
+        ui.add_space(8.0);
         ui.spacing_mut().slider_width = 70.0;
         let slider = Slider::new(&mut view.prefs.point_size, 1.0..=12.0).show_value(false);
         ui.label("Points");
@@ -26,7 +26,7 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
             ui.checkbox(&mut view.prefs.frusta, "Cameras")
                 .on_hover_text("Shows the cameras; click one to go to its frame");
         }
-        ui.separator();
+        ui.add_space(8.0);
         let shortcuts = &view.prefs.shortcuts;
         if action_button(ui, shortcuts, Action::FrameCloud, "All", true).clicked() {
             wishes.push(Action::FrameCloud);

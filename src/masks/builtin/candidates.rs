@@ -20,13 +20,21 @@ pub(super) struct CandidateOptions {
     pub radius_step: f32,
     /// What leaving out one pixel must at least be worth, log odds; one cut each.
     pub balloons: [f32; 3],
+    /// Weights of appearance and of geodesic distance; one set of cuts each.
+    pub mixes: [(f32, f32); 3],
     /// Worth of one log odd on one pixel, in pixel sides of a border without any edge.
     pub data_weight: f32,
 }
 
 impl Default for CandidateOptions {
     fn default() -> Self {
-        Self { least_radius_px: 4.0, radius_step: 1.4, balloons: [-0.6, 0.0, 0.6], data_weight: 0.08 }
+        Self {
+            least_radius_px: 4.0,
+            radius_step: 1.4,
+            balloons: [-0.6, 0.0, 0.6],
+            mixes: [(0.5, 0.5), (0.0, 1.0), (1.0, 0.2)],
+            data_weight: 0.08,
+        }
     }
 }
 
@@ -37,8 +45,15 @@ pub(super) struct Candidate {
     pub traits: Traits,
 }
 
+/// All candidates for a click.
+pub(super) struct Candidates {
+    pub all: Vec<Candidate>,
+    /// IoU of every two of them.
+    pub shared: Vec<Vec<f32>>,
+}
+
 /// All different candidates, small discs first.
-pub(super) fn candidates(situation: &Situation<'_>, options: &CandidateOptions) -> Vec<Candidate> {
+pub(super) fn candidates(situation: &Situation<'_>, options: &CandidateOptions) -> Candidates {
     let radii: Vec<f32> =
         std::iter::successors(Some(options.least_radius_px), |radius| Some(radius * options.radius_step))
             .take_while(|&radius| radius <= options.least_radius_px.max(1.1 * situation.reach))
@@ -51,8 +66,8 @@ pub(super) fn candidates(situation: &Situation<'_>, options: &CandidateOptions) 
             found.push(candidate);
         }
     }
-    agreement(situation, &mut found);
-    found
+    let shared = agreement(situation, &mut found);
+    Candidates { all: found, shared }
 }
 
 /// A disc around the click, and how each region leans towards it.
@@ -60,7 +75,8 @@ struct Disc<'a> {
     situation: &'a Situation<'a>,
     radius: f32,
     roles: Vec<Role>,
-    leaning: Vec<f32>,
+    odds: Vec<f32>,
+    geodesic: Vec<f32>,
 }
 
 impl<'a> Disc<'a> {
@@ -74,42 +90,47 @@ impl<'a> Disc<'a> {
             }
         }
         let near = situation.near(&disc);
-        let leaning = leaning(situation, &near, radius);
-        Self { situation, radius, roles, leaning }
+        let (odds, geodesic) = leaning(situation, &near, radius);
+        Self { situation, radius, roles, odds, geodesic }
     }
 
     fn family(&self, options: &CandidateOptions) -> Vec<Candidate> {
         let regions = &self.situation.graph.regions;
-        let cut = |&balloon: &f32| {
-            let gain = |at: usize| {
-                let beyond = ((self.situation.apart[at] - self.radius) / (self.radius + 10.0)).clamp(0.0, 10.0);
-                options.data_weight * regions[at].area * (self.leaning[at] - balloon - 0.12 * beyond)
-            };
-            let gains: Vec<f32> = (0..regions.len()).map(gain).collect();
-            let change = cheapest_change(self.situation.graph, &self.roles, &gains, 0.5);
-            let change = self.situation.around_seed(&change);
-            let traits = traits_of(self.situation, &change, &self.leaning);
-            Candidate { change, traits }
-        };
-        options.balloons.iter().map(cut).collect()
+        let mut found = Vec::new();
+        for (odds, geodesic) in options.mixes {
+            let leaning: Vec<f32> =
+                self.odds.iter().zip(&self.geodesic).map(|(a, b)| odds * a + geodesic * b).collect();
+            for balloon in options.balloons {
+                let gain = |at: usize| {
+                    let beyond = ((self.situation.apart[at] - self.radius) / (self.radius + 10.0)).clamp(0.0, 10.0);
+                    options.data_weight * regions[at].area * (leaning[at] - balloon - 0.12 * beyond)
+                };
+                let gains: Vec<f32> = (0..regions.len()).map(gain).collect();
+                let change = cheapest_change(self.situation.graph, &self.roles, &gains, 0.5);
+                let change = self.situation.around_seed(&change);
+                let traits = traits_of(self.situation, &change, &self.odds, &self.geodesic);
+                found.push(Candidate { change, traits });
+            }
+        }
+        found
     }
 }
 
 /// Log odds per region that it belongs with the disc, from appearance and from geodesic distances.
-fn leaning(situation: &Situation<'_>, near: &[f32], radius: f32) -> Vec<f32> {
+fn leaning(situation: &Situation<'_>, near: &[f32], radius: f32) -> (Vec<f32>, Vec<f32>) {
     let spread = 8.0 + 0.3 * radius;
     let closeness: Vec<f32> = near.iter().map(|near| (-(near / spread).powi(2)).exp()).collect();
     let odds = odds(situation, &closeness);
     let lean = |at: usize| {
         let (near, far) = (near[at], situation.far[at]);
-        let geodesic = match (near.is_finite(), far.is_finite()) {
+        match (near.is_finite(), far.is_finite()) {
             (true, true) => (far - near) / (far + near + 1.0),
             (true, false) => 1.0,
             _ => -1.0,
-        };
-        0.5 * odds[usize::from(situation.palette.of_region[at])] + 0.5 * geodesic
+        }
     };
-    (0..near.len()).map(lean).collect()
+    let of_region = situation.palette.of_region.iter().map(|&entry| odds[usize::from(entry)]).collect();
+    (of_region, (0..near.len()).map(lean).collect())
 }
 
 /// Log odds per palette entry: the close regions (and a little what was joined before) against all others.

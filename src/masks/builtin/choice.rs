@@ -1,6 +1,6 @@
 //! Which candidate a click most likely means.
 
-use super::candidates::Candidate;
+use super::candidates::{Candidate, Candidates};
 use super::situation::Situation;
 use super::traits::{TRAITS, Traits};
 
@@ -25,10 +25,13 @@ pub(super) type Weights = [[f32; TERMS]; 3];
 /// Fitted by `fitting.rs`: one row per [`Kind`], one weight per term.
 #[rustfmt::skip]
 pub(super) const WEIGHTS: Weights = [
-    [-62.4379, -0.0064, -0.0629, 0.7303, -9.0735, 0.0000, -7.3366, 3.9801, 0.1435, 0.0207, -1.0865, 13.7800, -0.0064, 0.0000, 0.0000, -0.0949, -1.6234, -2.4877, 0.0192, -0.3131],
-    [-8.3575, -0.2584, -0.9857, 0.3096, -2.0779, 8.5706, -6.0698, 1.1601, 2.0708, 0.0739, -0.2255, 1.4903, -0.1755, -0.2195, -1.2523, -0.0825, -1.1301, -1.2496, 0.0048, 0.0431],
-    [-11.3729, -0.1678, -1.5120, 0.1026, -2.4263, 6.1951, 10.8138, 1.9103, 0.6953, 0.0570, -0.2708, 0.8850, -0.2081, -0.1178, -3.7722, -0.0112, -1.6588, -1.5242, 0.0012, 0.0336],
+    [-63.0857, 0.0485, -2.9874, 0.6383, -16.6782, 0.0000, -5.0101, 1.8269, -1.0264, -0.1689, 0.4156, 12.5931, 0.0485, 0.0000, 0.0000, 2.7583, 1.8254, -9.6080, -0.6926, -7.1975, -0.0825, -2.8695, -2.1713, -0.0031, -0.2879],
+    [-7.5419, -0.4040, -1.0667, 0.1123, -1.6529, 9.6874, 1.0584, 0.4253, -0.1728, 0.0290, -0.1785, 1.7360, -0.2943, -0.2517, -0.5888, 0.7987, 0.1528, -4.8689, 1.1269, -2.3128, -0.0897, -0.8674, -1.4454, 0.0008, -0.0066],
+    [-7.9433, -0.2063, -1.1236, -0.0816, -2.3529, 5.8053, 5.7721, 0.9637, -0.0723, 0.0094, -0.3688, 1.6631, -0.2467, -0.1435, -3.0053, 2.1217, 0.4757, -1.5080, -3.2600, 0.4025, -0.0168, -0.5523, -1.5248, -0.0004, 0.0143],
 ];
+
+/// How far the scores are trusted, per [`Kind`]: 0 = all candidates alike, large = the best score alone.
+const SHARPNESS: [f32; 3] = [0.4, 0.7, 1.0];
 
 /// The kind of the click of a situation.
 pub(super) fn kind_of(situation: &Situation<'_>) -> Kind {
@@ -47,12 +50,22 @@ pub(super) fn terms(traits: &Traits) -> [f32; TERMS] {
     })
 }
 
-/// The candidate with the best score; the first of equals.
-pub(super) fn best(weights: &Weights, kind: Kind, candidates: &[Candidate]) -> Option<usize> {
+/// The candidate that, by the chances that the scores give to all, may be expected to share most with what is meant.
+pub(super) fn best(weights: &Weights, kind: Kind, candidates: &Candidates) -> Option<usize> {
     let weights = &weights[kind as usize];
     let score = |candidate: &Candidate| -> f32 {
-        terms(&candidate.traits).iter().zip(weights).map(|(term, weight)| term * weight).sum()
+        SHARPNESS[kind as usize]
+            * terms(&candidate.traits).iter().zip(weights).map(|(term, weight)| term * weight).sum::<f32>()
     };
-    let scores: Vec<f32> = candidates.iter().map(score).collect();
-    (0..scores.len()).rev().max_by(|&a, &b| scores[a].total_cmp(&scores[b]))
+    let scores: Vec<f32> = candidates.all.iter().map(score).collect();
+    expected_best(&scores, &candidates.shared)
+}
+
+/// The index whose mean of `shared`, weighted by softmax of the scores, is largest; the first of equals.
+pub(super) fn expected_best(scores: &[f32], shared: &[Vec<f32>]) -> Option<usize> {
+    let top = scores.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let chances: Vec<f32> = scores.iter().map(|score| (score - top).exp()).collect();
+    let expected: Vec<f32> =
+        shared.iter().map(|row| row.iter().zip(&chances).map(|(shared, chance)| shared * chance).sum()).collect();
+    (0..expected.len()).rev().max_by(|&a, &b| expected[a].total_cmp(&expected[b]))
 }

@@ -27,24 +27,22 @@ static CURVE: LazyLock<Vec<f32>> = LazyLock::new(|| {
 
 /// The picture in CIE Lab: L 0–100, a and b about −100 to 100.
 pub(super) fn lab_of(image: &Image) -> Vec<[f32; 3]> {
-    let (linear, curve) = (&*LINEAR, &*CURVE);
+    image.pixels.par_iter().with_min_len(4096).map(|&pixel| lab_of_pixel(pixel)).collect()
+}
+
+/// One sRGB pixel in CIE Lab.
+pub(super) fn lab_of_pixel(pixel: [u8; 3]) -> [f32; 3] {
+    let curve = &*CURVE;
     let bend = |value: f32| {
         let at = (value * CURVE_STEPS as f32).clamp(0.0, CURVE_STEPS as f32 - 1.0);
         let low = at as usize;
         curve[low] + (curve[low + 1] - curve[low]) * (at - low as f32)
     };
-    image
-        .pixels
-        .par_iter()
-        .with_min_len(4096)
-        .map(|pixel| {
-            let [r, g, b] = pixel.map(|channel| linear[usize::from(channel)]);
-            let x = bend((0.412_456 * r + 0.357_576 * g + 0.180_437 * b) / 0.950_47);
-            let y = bend(0.212_673 * r + 0.715_152 * g + 0.072_175 * b);
-            let z = bend((0.019_334 * r + 0.119_192 * g + 0.950_304 * b) / 1.088_83);
-            [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
-        })
-        .collect()
+    let [r, g, b] = pixel.map(|channel| LINEAR[usize::from(channel)]);
+    let x = bend((0.412_456 * r + 0.357_576 * g + 0.180_437 * b) / 0.950_47);
+    let y = bend(0.212_673 * r + 0.715_152 * g + 0.072_175 * b);
+    let z = bend((0.019_334 * r + 0.119_192 * g + 0.950_304 * b) / 1.088_83);
+    [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
 /// Squared Euclidean distance of two Lab colours (ΔE 1976, squared).

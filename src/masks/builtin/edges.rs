@@ -93,7 +93,7 @@ mod tests {
         let (width, height) = (80usize, 40usize);
         let lab: Vec<[f32; 3]> = (0..width * height)
             .map(|at| match at % width {
-                0..40 => [30.0 + 8.0 * ((at * 2_654_435_761 >> 7) % 3) as f32, 0.0, 0.0],
+                0..40 => [30.0 + 8.0 * (((at * 2_654_435_761) >> 7) % 3) as f32, 0.0, 0.0],
                 _ => [75.0, 10.0, 0.0],
             })
             .collect();

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::candidates::{CandidateOptions, candidates};
-use super::choice::{Kind, TERMS, WEIGHTS, Weights, best, kind_of, terms};
+use super::candidates::{CandidateOptions, Candidates, candidates};
+use super::choice::{Kind, TERMS, WEIGHTS, Weights, best, expected_best, kind_of, terms};
 use super::prepared::Prepared;
 use super::query::Query;
 use super::segmenter::prepare;
@@ -25,6 +25,7 @@ struct Sample {
     kind: Kind,
     terms: Vec<[f32; TERMS]>,
     gains: Vec<f32>,
+    shared: Vec<Vec<f32>>,
 }
 
 /// A picture with truth.
@@ -85,7 +86,7 @@ fn davis(root: &Path) -> Vec<Case> {
         let pictures = sorted(&clip);
         let clip = clip.file_name().unwrap().to_string_lossy().to_string();
         let last = pictures.len() - 1;
-        for at in (0..pictures.len()).filter(|at| at % 8 == 0 || *at == last || *at == pictures.len() / 2) {
+        for at in (0..pictures.len()).filter(|at| at % 12 == 0 || *at == last || *at == pictures.len() / 2) {
             cases.push(Case {
                 clip: clip.clone(),
                 name: format!("{clip}-{at}"),
@@ -103,7 +104,7 @@ fn davis(root: &Path) -> Vec<Case> {
 
 fn shelf(root: &Path) -> Vec<Case> {
     let mut cases = Vec::new();
-    for (at, picture) in sorted(&root.join("color")).iter().enumerate().step_by(2) {
+    for (at, picture) in sorted(&root.join("color")).iter().enumerate().step_by(3) {
         let file = picture.file_name().unwrap();
         for object in 1..=4u8 {
             for depth in [None, Some(root.join("depth").join(file))] {
@@ -145,11 +146,11 @@ fn iou(a: &Region, b: &Region) -> f32 {
 }
 
 /// IoU after each click, choosing with `choose` (number of the click, kind, terms, gains) among the candidates.
-fn play(case: &Case, mut choose: impl FnMut(Kind, &[super::candidates::Candidate], &[f32]) -> usize) -> Vec<f32> {
+fn play(case: &Case, mut choose: impl FnMut(Kind, &Candidates, &[f32]) -> usize) -> Vec<f32> {
     let (frame, truth) = load(case);
     let share = {
         let mut share = vec![0.0f32; frame.graph.region_count()];
-        for (&region, &inside) in frame.graph.of_pixel.iter().zip(&truth.inside) {
+        for (&region, &inside) in frame.raster.of_pixel.iter().zip(&truth.inside) {
             share[region as usize] += f32::from(u8::from(inside));
         }
         share
@@ -161,12 +162,12 @@ fn play(case: &Case, mut choose: impl FnMut(Kind, &[super::candidates::Candidate
     while let Some(click) = next_click(&truth, &answer).filter(|_| ious.len() < case.clicks) {
         clicks.push(click);
         let previous = answer.clone();
-        let mut query = Query::new(&frame.graph, &frame.palette, None);
+        let mut query = Query::new(&frame, None);
         if clicks.len() > 1 {
             query.start_from(&previous);
         }
-        clicks.iter().for_each(|click| query.add_click(click, false));
-        query.decide_clicked();
+        clicks[..clicks.len() - 1].iter().for_each(|click| query.add_known_click(click));
+        query.note_new_click(&click);
         let change = query.situation().map(|situation| {
             let mut found = candidates(&situation, &CandidateOptions::default());
             let regions = &frame.graph.regions;
@@ -174,7 +175,7 @@ fn play(case: &Case, mut choose: impl FnMut(Kind, &[super::candidates::Candidate
                 let (mut both, mut any) = (0.0, total);
                 for (at, region) in regions.iter().enumerate() {
                     let changes = change.is_some_and(|change| change[at]);
-                    if if changes { click.include } else { situation.inside[at] } {
+                    if if changes { click.include } else { query.inside[at] } {
                         both += share[at];
                         any += region.area - share[at];
                     }
@@ -182,9 +183,9 @@ fn play(case: &Case, mut choose: impl FnMut(Kind, &[super::candidates::Candidate
                 both / any
             };
             let before = score(None);
-            let gains: Vec<f32> = found.iter().map(|candidate| score(Some(&candidate.change)) - before).collect();
+            let gains: Vec<f32> = found.all.iter().map(|candidate| score(Some(&candidate.change)) - before).collect();
             let chosen = choose(kind_of(&situation), &found, &gains);
-            found.swap_remove(chosen).change
+            found.all.swap_remove(chosen).change
         });
         if let Some(change) = change {
             query.apply(&change, click.include);
@@ -203,12 +204,13 @@ fn explore(case: &Case, weights: &Weights, seed: u64) -> Vec<Sample> {
         samples.push(Sample {
             clip: case.clip.clone(),
             kind,
-            terms: found.iter().map(|candidate| terms(&candidate.traits)).collect(),
+            terms: found.all.iter().map(|candidate| terms(&candidate.traits)).collect(),
             gains: gains.to_vec(),
+            shared: found.shared.clone(),
         });
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         match state >> 60 {
-            0..2 => (state >> 20) as usize % found.len(),
+            0..2 => (state >> 20) as usize % found.all.len(),
             2..5 => oracle(gains),
             _ => best(weights, kind, found).unwrap(),
         }
@@ -232,7 +234,7 @@ fn fitted(samples: &[Sample], without: Option<&str>) -> Weights {
 
 /// Raises the expected gain of a candidate drawn by softmax of its score, by gradient (Adam).
 fn ascend(samples: &[&Sample]) -> [f32; TERMS] {
-    const ROUNDS: i32 = 400;
+    const ROUNDS: i32 = 250;
     const DECAY: f64 = 2e-3;
     let rows = || samples.iter().flat_map(|sample| &sample.terms);
     let count = rows().count().max(1) as f64;
@@ -289,20 +291,24 @@ fn report(samples: &[Sample], weights: &Weights) {
         let mean = |pick: &dyn Fn(&Sample) -> usize| {
             of_kind.iter().map(|sample| sample.gains[pick(sample)]).sum::<f32>() / of_kind.len() as f32
         };
-        let by = |weights: &Weights, sample: &Sample| {
+        let by = |weights: &Weights, sample: &Sample, sharp: f32| {
             let row = &weights[kind as usize];
             let scores: Vec<f32> =
-                sample.terms.iter().map(|terms| terms.iter().zip(row).map(|(a, b)| a * b).sum()).collect();
-            oracle(&scores)
+                sample.terms.iter().map(|terms| terms.iter().zip(row).map(|(a, b)| sharp * a * b).sum()).collect();
+            expected_best(&scores, &sample.shared).unwrap()
         };
-        let without = |sample: &Sample| by(&held_out.iter().find(|(clip, _)| *clip == sample.clip).unwrap().1, sample);
-        println!(
-            "{kind:?}: {} clicks; gain by truth {:.4}, held out {:.4}, fitted {:.4}",
+        let without = |sample: &Sample, sharp: f32| {
+            by(&held_out.iter().find(|(clip, _)| *clip == sample.clip).unwrap().1, sample, sharp)
+        };
+        print!(
+            "{kind:?}: {} clicks; gain by truth {:.4}, held out",
             of_kind.len(),
-            mean(&|sample| oracle(&sample.gains)),
-            mean(&without),
-            mean(&|sample| by(weights, sample))
+            mean(&|sample| oracle(&sample.gains))
         );
+        for sharpness in [0.3, 0.6, 1.0, 2.0, 100.0] {
+            print!(" {:.4}", mean(&|sample| without(sample, sharpness)));
+        }
+        println!(" fitted {:.4}", mean(&|sample| by(weights, sample, 1.0)));
     }
 }
 
@@ -312,7 +318,7 @@ fn play_all(cases: &[Case], samples: &[Sample], weights: &Weights) {
     clips.sort_unstable();
     clips.dedup();
     let held_out: Vec<(&str, Weights)> = clips.iter().map(|&clip| (clip, fitted(samples, Some(clip)))).collect();
-    for (title, mode) in [("truth", 0), ("held out", 1), ("fitted", 2)] {
+    for (title, mode) in [("held out", 1), ("fitted", 2)] {
         let shown: Vec<&Case> = cases.iter().filter(|case| case.is_shown).collect();
         let runs: Vec<Vec<f32>> = shown
             .par_iter()

@@ -40,8 +40,6 @@ pub(super) struct Edge {
 pub(super) struct RegionGraph {
     pub width: usize,
     pub height: usize,
-    /// Region of every pixel.
-    pub of_pixel: Vec<u32>,
     pub regions: Vec<RegionStats>,
     pub edges: Vec<Edge>,
     first: Vec<u32>,
@@ -50,9 +48,9 @@ pub(super) struct RegionGraph {
 }
 
 impl RegionGraph {
-    pub fn new(partition: Partition, lab: &[[f32; 3]], depth: Option<&DepthMap>, width: usize) -> Self {
+    pub fn new(partition: &Partition, lab: &[[f32; 3]], depth: Option<&DepthMap>, width: usize) -> Self {
         let height = lab.len() / width;
-        let mut regions = stats(&partition, lab, depth, width, height);
+        let mut regions = stats(partition, lab, depth, width, height);
         let mut edges: Vec<Edge> = partition
             .borders
             .iter()
@@ -65,8 +63,7 @@ impl RegionGraph {
             .collect();
         let (first, neighbours) = adjacency(&edges, regions.len());
         strengthen(&mut edges, &regions);
-        let mut graph =
-            Self { width, height, of_pixel: partition.of_pixel, regions: Vec::new(), edges, first, neighbours };
+        let mut graph = Self { width, height, regions: Vec::new(), edges, first, neighbours };
         if depth.is_some() {
             let seen: Vec<bool> = regions.iter().map(|region| !region.ln_depth.is_nan()).collect();
             graph.fill_depth(&mut regions);
@@ -92,10 +89,26 @@ impl RegionGraph {
         (a.at[0] - b.at[0]).hypot(a.at[1] - b.at[1])
     }
 
+    /// All regions reachable from `start` through `inside`, marked in `seen`.
+    pub fn flood(&self, start: u32, seen: &mut [bool], inside: impl Fn(usize) -> bool) -> Vec<u32> {
+        let mut reached = vec![start];
+        seen[start as usize] = true;
+        let mut next = 0;
+        while let Some(&at) = reached.get(next) {
+            next += 1;
+            for &(to, _) in self.neighbours(at as usize) {
+                if !seen[to as usize] && inside(to as usize) {
+                    seen[to as usize] = true;
+                    reached.push(to);
+                }
+            }
+        }
+        reached
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        size_of_val(&*self.of_pixel)
-            + size_of_val(&*self.regions)
+        size_of_val(&*self.regions)
             + size_of_val(&*self.edges)
             + size_of_val(&*self.first)
             + size_of_val(&*self.neighbours)

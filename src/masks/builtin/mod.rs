@@ -3,6 +3,7 @@
 //! May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
 mod appearance;
+mod boxes;
 mod candidates;
 mod choice;
 mod color;
@@ -17,9 +18,12 @@ mod graph;
 mod maxflow;
 mod prepared;
 mod query;
+mod raster;
 mod regions;
 mod segmenter;
 mod situation;
+#[cfg(test)]
+mod tests;
 mod traits;
 
 pub use segmenter::BuiltinSegmenter;

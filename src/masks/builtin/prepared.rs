@@ -1,10 +1,12 @@
 use super::appearance::Palette;
 use super::graph::RegionGraph;
 use super::query::Query;
+use super::raster::Raster;
 use crate::masks::{Click, MaskError, PreparedFrame, PxBox, Region, SegmentRequest};
 
 /// A frame with everything worked out that no prompt is needed for.
 pub(super) struct Prepared {
+    pub raster: Raster,
     pub graph: RegionGraph,
     pub palette: Palette,
 }
@@ -13,31 +15,31 @@ impl PreparedFrame for Prepared {
     fn segment(&self, request: &SegmentRequest<'_>) -> Result<Region, MaskError> {
         self.check(request)?;
         let prompt = request.prompt;
-        let mut query = Query::new(&self.graph, &self.palette, request.taken);
-        let known = match request.previous {
-            Some(previous) if !prompt.clicks.is_empty() => {
+        let mut query = Query::new(self, request.taken);
+        // With an answer to refine only the last click is new.
+        let new = match (request.previous, prompt.clicks.split_last()) {
+            (Some(previous), Some((last, earlier))) => {
                 query.start_from(previous);
-                prompt.clicks.len() - 1
+                earlier.iter().for_each(|click| query.add_known_click(click));
+                std::slice::from_ref(last)
             }
             _ => {
                 query.add_boxes(&prompt.boxes);
-                0
+                &prompt.clicks
             }
         };
-        for (at, click) in prompt.clicks.iter().enumerate() {
-            query.add_click(click, at >= known);
-        }
+        new.iter().for_each(|click| query.add_click(click));
         Ok(query.answer())
     }
 
     fn bytes(&self) -> usize {
-        self.graph.bytes() + self.palette.bytes()
+        self.raster.bytes() + self.graph.bytes() + self.palette.bytes()
     }
 }
 
 impl Prepared {
     fn check(&self, request: &SegmentRequest<'_>) -> Result<(), MaskError> {
-        let (width, height) = (self.graph.width, self.graph.height);
+        let (width, height) = (self.raster.width, self.raster.height);
         if request.prompt.is_empty() {
             return Err(MaskError::Request("there is no click and no box; click on the object first".into()));
         }

@@ -1,14 +1,18 @@
 //! From prompts to an answer: every click changes one connected part of the last answer.
 
 use super::appearance::Palette;
+use super::boxes::{BoxOptions, object_in_box};
 use super::candidates::{CandidateOptions, candidates};
 use super::choice::{WEIGHTS, best, kind_of};
 use super::graph::RegionGraph;
+use super::prepared::Prepared;
+use super::raster::Raster;
 use super::situation::Situation;
 use crate::masks::{Click, PxBox, Region};
 
 /// An answer in the making.
 pub(super) struct Query<'a> {
+    raster: &'a Raster,
     graph: &'a RegionGraph,
     palette: &'a Palette,
     previous: Option<&'a Region>,
@@ -16,17 +20,19 @@ pub(super) struct Query<'a> {
     /// Regions mostly taken by other labels.
     closed: Vec<bool>,
     /// Which regions are (mostly) in the answer.
-    inside: Vec<bool>,
+    pub inside: Vec<bool>,
     /// Regions that a prompt decided; the others keep their pixels of the previous answer.
     decided: Vec<bool>,
     clicks: Vec<(Click, u32)>,
 }
 
 impl<'a> Query<'a> {
-    pub fn new(graph: &'a RegionGraph, palette: &'a Palette, taken: Option<&'a Region>) -> Self {
+    pub fn new(frame: &'a Prepared, taken: Option<&'a Region>) -> Self {
+        let Prepared { raster, graph, palette } = frame;
         let count = graph.region_count();
-        let closed = taken.map_or_else(|| vec![false; count], |taken| mostly(graph, taken));
+        let closed = taken.map_or_else(|| vec![false; count], |taken| raster.mostly(taken));
         Self {
+            raster,
             graph,
             palette,
             previous: None,
@@ -41,32 +47,49 @@ impl<'a> Query<'a> {
     /// Takes an earlier answer as it is.
     pub fn start_from(&mut self, previous: &'a Region) {
         self.previous = Some(previous);
-        self.inside = mostly(self.graph, previous);
+        self.inside = self.raster.mostly(previous);
     }
 
+    /// Takes the object in each box.
     pub fn add_boxes(&mut self, boxes: &[PxBox]) {
-        let _ = boxes;
+        let factor = self.raster.factor as f64;
+        for within in boxes {
+            let within = PxBox { min_px: within.min_px / factor, max_px: within.max_px / factor };
+            let found = object_in_box(self.graph, self.palette, &self.closed, &within, &BoxOptions::default());
+            self.apply(&found, true);
+        }
     }
 
-    /// Notes a click; a new one changes the answer around it.
-    pub fn add_click(&mut self, click: &Click, is_new: bool) {
-        let (x, y) = (click.at_px.x as usize, click.at_px.y as usize);
-        let region = self.graph.of_pixel[y * self.graph.width + x];
-        self.clicks.push((*click, region));
-        if !is_new {
-            return;
+    /// Notes an earlier click, which holds even where the answer started from says otherwise.
+    pub fn add_known_click(&mut self, click: &Click) {
+        let at = self.note(click);
+        let holds =
+            self.previous.is_some_and(|previous| previous.inside[self.raster.pixel_at(click.at_px)] == click.include);
+        if !holds && !self.closed[at] {
+            self.inside[at] = click.include;
+            self.decided[at] = true;
         }
-        self.decide_clicked();
+    }
+
+    /// Answers a new click: changes the answer around it where it says otherwise.
+    pub fn add_click(&mut self, click: &Click) {
+        self.note_new_click(click);
         if let Some(change) = self.situation().and_then(|situation| chosen(&situation)) {
             self.apply(&change, click.include);
         }
     }
 
-    /// The clicked region is on one side as a whole from now on.
-    pub fn decide_clicked(&mut self) {
-        if let Some(&(_, region)) = self.clicks.last() {
-            self.decided[region as usize] |= !self.closed[region as usize];
-        }
+    /// Notes a new click without answering it; its region is on one side as a whole from now on.
+    pub fn note_new_click(&mut self, click: &Click) {
+        let at = self.note(click);
+        self.decided[at] |= !self.closed[at];
+    }
+
+    fn note(&mut self, click: &Click) -> usize {
+        let region = self.raster.region_at(click.at_px);
+        let reduced = Click { at_px: click.at_px / self.raster.factor as f64, ..*click };
+        self.clicks.push((reduced, region));
+        region as usize
     }
 
     /// Marks regions as changed to the side of a click.
@@ -81,16 +104,16 @@ impl<'a> Query<'a> {
     pub fn situation(&self) -> Option<Situation<'_>> {
         let (click, region) = self.clicks.last()?;
         let at = *region as usize;
-        let changes = !self.closed[at] && self.inside[at] != click.include;
+        let contested = self.clicks.iter().any(|(other, there)| there == region && other.include != click.include);
+        let changes = !self.closed[at] && !contested && self.inside[at] != click.include;
         changes.then(|| Situation::new(self.graph, self.palette, &self.clicks, &self.inside, &self.closed)).flatten()
     }
 
     /// The answer as pixels.
     pub fn answer(self) -> Region {
-        let graph = self.graph;
-        let (width, height) = (graph.width, graph.height);
+        let (width, height) = (self.raster.width, self.raster.height);
         let mut answer = Region::empty(width as u32, height as u32);
-        for (at, (out, &region)) in answer.inside.iter_mut().zip(&graph.of_pixel).enumerate() {
+        for (at, (out, &region)) in answer.inside.iter_mut().zip(&self.raster.of_pixel).enumerate() {
             let region = region as usize;
             *out = match self.previous {
                 Some(previous) if !self.decided[region] => previous.inside[at],
@@ -113,10 +136,11 @@ impl<'a> Query<'a> {
         if regions.is_empty() {
             return;
         }
-        for (at, region) in self.graph.of_pixel.iter().enumerate() {
+        for (at, region) in self.raster.of_pixel.iter().enumerate() {
             if regions.contains(region) && !self.taken.is_some_and(|taken| taken.inside[at]) {
                 let centre =
-                    glam::DVec2::new((at % self.graph.width) as f64 + 0.5, (at / self.graph.width) as f64 + 0.5);
+                    glam::DVec2::new((at % self.raster.width) as f64 + 0.5, (at / self.raster.width) as f64 + 0.5)
+                        / self.raster.factor as f64;
                 let here = self.clicks.iter().filter(|(_, other)| other == region);
                 let nearest = here.min_by(|(a, _), (b, _)| {
                     a.at_px.distance_squared(centre).total_cmp(&b.at_px.distance_squared(centre))
@@ -131,14 +155,5 @@ impl<'a> Query<'a> {
 fn chosen(situation: &Situation<'_>) -> Option<Vec<bool>> {
     let mut found = candidates(situation, &CandidateOptions::default());
     let best = best(&WEIGHTS, kind_of(situation), &found)?;
-    Some(found.swap_remove(best).change)
-}
-
-/// Which regions lie mostly inside `mask`.
-fn mostly(graph: &RegionGraph, mask: &Region) -> Vec<bool> {
-    let mut inside = vec![0.0f32; graph.region_count()];
-    for (&region, &is_inside) in graph.of_pixel.iter().zip(&mask.inside) {
-        inside[region as usize] += f32::from(u8::from(is_inside));
-    }
-    inside.iter().zip(&graph.regions).map(|(inside, region)| *inside > 0.5 * region.area).collect()
+    Some(found.all.swap_remove(best).change)
 }

@@ -6,6 +6,7 @@ use super::depth_edges::depth_edges;
 use super::edges::edge_map;
 use super::graph::RegionGraph;
 use super::prepared::Prepared;
+use super::raster::{Raster, reduced_depth, reduced_image, reduction};
 use super::regions::{RegionOptions, partition};
 use crate::engine::job::Progress;
 use crate::frames::{DepthMap, Image};
@@ -32,7 +33,6 @@ impl Segmenter for BuiltinSegmenter {
 
 /// All that is done once per frame.
 pub(super) fn prepare(image: &Image, depth: Option<&DepthMap>, progress: &Progress) -> Result<Prepared, MaskError> {
-    const STAGES: usize = 4;
     let (width, height) = (image.width as usize, image.height as usize);
     if width == 0 || height == 0 || image.pixels.len() != width * height {
         return Err(MaskError::Request(format!("a picture of {width}×{height} cannot be segmented; open another")));
@@ -43,15 +43,35 @@ pub(super) fn prepare(image: &Image, depth: Option<&DepthMap>, progress: &Progre
             depth.width, depth.height
         )));
     }
+    let factor = reduction(width, height);
+    if factor == 1 {
+        return prepare_reduced(image, image, depth, factor, progress);
+    }
+    let depth = depth.map(|depth| reduced_depth(depth, factor));
+    prepare_reduced(image, &reduced_image(image, factor), depth.as_ref(), factor, progress)
+}
+
+/// Works on `reduced`, then carries the regions to `image`, which is `factor` times as large.
+fn prepare_reduced(
+    image: &Image,
+    reduced: &Image,
+    depth: Option<&DepthMap>,
+    factor: usize,
+    progress: &Progress,
+) -> Result<Prepared, MaskError> {
+    const STAGES: usize = 5;
+    let (width, height) = (reduced.width as usize, reduced.height as usize);
     progress.step(0, STAGES)?;
-    let lab = lab_of(image);
+    let lab = lab_of(reduced);
     progress.step(1, STAGES)?;
     let edges = edge_map(&lab, width, height, depth.map(depth_edges).as_ref());
     progress.step(2, STAGES)?;
     let partition = partition(&lab, depth, &edges, width, &RegionOptions::default());
     progress.step(3, STAGES)?;
-    let graph = RegionGraph::new(partition, &lab, depth, width);
+    let graph = RegionGraph::new(&partition, &lab, depth, width);
     let palette = Palette::new(&graph.regions);
+    progress.step(4, STAGES)?;
+    let raster = Raster::new(image, factor, partition.of_pixel, &graph.regions, progress)?;
     progress.step(STAGES, STAGES)?;
-    Ok(Prepared { graph, palette })
+    Ok(Prepared { raster, graph, palette })
 }

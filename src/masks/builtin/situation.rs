@@ -12,8 +12,6 @@ pub(super) struct Situation<'a> {
     pub palette: &'a Palette,
     /// All clicks with their regions; the last is the one to answer.
     pub clicks: &'a [(Click, u32)],
-    /// The answer so far.
-    pub inside: &'a [bool],
     /// Every region's part in the cut: the clicked one is the only seed.
     pub roles: Vec<Role>,
     /// The clicked region.
@@ -39,7 +37,7 @@ impl<'a> Situation<'a> {
         graph: &'a RegionGraph,
         palette: &'a Palette,
         clicks: &'a [(Click, u32)],
-        inside: &'a [bool],
+        inside: &[bool],
         closed: &[bool],
     ) -> Option<Self> {
         let &(click, seed) = clicks.last()?;
@@ -68,7 +66,7 @@ impl<'a> Situation<'a> {
         let reach = joined.map(|(_, &apart)| apart).fold(widest, f32::min).max(4.0);
         let area =
             inside.iter().zip(&graph.regions).map(|(&inside, region)| if inside { region.area } else { 0.0 }).sum();
-        Some(Self { graph, palette, clicks, inside, roles, seed, include, apart, far, reach, area })
+        Some(Self { graph, palette, clicks, roles, seed, include, apart, far, reach, area })
     }
 
     /// Whether a region may change.
@@ -90,13 +88,13 @@ impl<'a> Situation<'a> {
     pub fn around_seed(&self, change: &[bool]) -> Vec<bool> {
         const LARGEST_HOLE_PX: f32 = 600.0;
         let mut kept = vec![false; change.len()];
-        self.flood(self.seed, &mut kept, |at| change[at]);
+        self.graph.flood(self.seed, &mut kept, |at| change[at]);
         let mut seen = kept.clone();
         for start in 0..change.len() {
             if seen[start] || self.roles[start] != Role::Open {
                 continue;
             }
-            let part = self.flood(start as u32, &mut seen, |at| !kept[at] && self.roles[at] == Role::Open);
+            let part = self.graph.flood(start as u32, &mut seen, |at| !kept[at] && self.roles[at] == Role::Open);
             let area: f32 = part.iter().map(|&at| self.graph.regions[at as usize].area).sum();
             if area < LARGEST_HOLE_PX && part.iter().all(|&at| self.is_enclosed(at as usize, &kept)) {
                 part.iter().for_each(|&at| kept[at as usize] = true);
@@ -110,23 +108,6 @@ impl<'a> Situation<'a> {
         let neighbours = self.graph.neighbours(region);
         self.graph.regions[region].rim == 0.0
             && neighbours.iter().all(|&(to, _)| kept[to as usize] || self.is_open(to as usize))
-    }
-
-    /// All regions reachable from `start` through `inside`, marked in `seen`.
-    fn flood(&self, start: u32, seen: &mut [bool], inside: impl Fn(usize) -> bool) -> Vec<u32> {
-        let mut reached = vec![start];
-        seen[start as usize] = true;
-        let mut next = 0;
-        while let Some(&at) = reached.get(next) {
-            next += 1;
-            for &(to, _) in self.graph.neighbours(at as usize) {
-                if !seen[to as usize] && inside(to as usize) {
-                    seen[to as usize] = true;
-                    reached.push(to);
-                }
-            }
-        }
-        reached
     }
 }
 

@@ -7,7 +7,7 @@ use super::graph::Edge;
 use super::situation::Situation;
 
 /// Number of traits.
-pub(super) const TRAITS: usize = 15;
+pub(super) const TRAITS: usize = 20;
 
 /// Traits of a candidate; see [`traits_of`] for their order.
 pub(super) type Traits = [f32; TRAITS];
@@ -23,9 +23,13 @@ struct BorderSums {
     price: f32,
     weak: f32,
     /// Leaning of the regions just outside.
-    ring: f32,
+    ring_odds: f32,
+    ring_geodesic: f32,
     /// Pixel sides along regions that are on the click's side already.
     joined: f32,
+    /// Pixel sides between regions that both change.
+    inner_length: f32,
+    inner_price: f32,
     /// Pixel sides on the picture's rim.
     rim: f32,
 }
@@ -34,18 +38,22 @@ struct BorderSums {
 /// depth possible), weak share of the border, share along joined regions, share on the rim, mean leaning inside,
 /// just outside, perimeter / √area, ln(farthest / depth of the click), agreement (0 until all candidates are there),
 /// ln(area / answer so far), that times ln of the number of clicks, share nearer to a click of the other side.
-pub(super) fn traits_of(situation: &Situation<'_>, change: &[bool], leaning: &[f32]) -> Traits {
+pub(super) fn traits_of(situation: &Situation<'_>, change: &[bool], odds: &[f32], geodesic: &[f32]) -> Traits {
     let graph = situation.graph;
-    let sums = border_sums(situation, change, leaning);
+    let sums = border_sums(situation, change, odds, geodesic);
     let changed = || (0..change.len()).filter(|&at| change[at]);
     let area = changed().map(|at| graph.regions[at].area).sum::<f32>().max(1.0);
     let depth = depths(situation, change);
     let at_click = depth[situation.seed as usize].max(2.0);
     let deepest = changed().map(|at| depth[at]).filter(|depth| depth.is_finite()).fold(at_click, f32::max);
     let farthest = changed().map(|at| situation.apart[at]).fold(1.0f32, f32::max);
+    let mean =
+        |axis: usize| changed().map(|at| graph.regions[at].at[axis] * graph.regions[at].area).sum::<f32>() / area;
+    let click = situation.clicks[situation.clicks.len() - 1].0.at_px;
+    let offset = (mean(0) - click.x as f32).hypot(mean(1) - click.y as f32);
     let outer = (sums.length + sums.rim).max(1.0);
     let whole = (outer + sums.joined).max(1.0);
-    let inner_leaning = changed().map(|at| leaning[at] * graph.regions[at].area).sum::<f32>() / area;
+    let inner = |values: &[f32]| changed().map(|at| values[at] * graph.regions[at].area).sum::<f32>() / area;
     let against_answer = (area / situation.area.max(100.0)).ln();
     [
         (sums.price + 0.25 * sums.rim) / outer,
@@ -55,24 +63,46 @@ pub(super) fn traits_of(situation: &Situation<'_>, change: &[bool], leaning: &[f
         sums.weak / outer,
         sums.joined / whole,
         sums.rim / whole,
-        inner_leaning,
-        sums.ring / sums.length.max(1.0),
+        inner(odds),
+        sums.ring_odds / sums.length.max(1.0),
         whole / area.sqrt(),
         (farthest / at_click).ln(),
         0.0,
         against_answer,
         against_answer * (situation.clicks.len() as f32).ln(),
         changed().filter(|&at| is_nearer_opposite(situation, at)).map(|at| graph.regions[at].area).sum::<f32>() / area,
+        inner(geodesic),
+        sums.ring_geodesic / sums.length.max(1.0),
+        sums.inner_price / sums.inner_length.max(1.0),
+        offset / area.sqrt(),
+        area / box_area(situation, change),
     ]
 }
 
-fn border_sums(situation: &Situation<'_>, change: &[bool], leaning: &[f32]) -> BorderSums {
+/// Area of the axis-parallel box around the middles of the changed regions, pixels.
+fn box_area(situation: &Situation<'_>, change: &[bool]) -> f32 {
+    let (mut min, mut max) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
+    for (region, _) in situation.graph.regions.iter().zip(change).filter(|(_, change)| **change) {
+        let half = 0.5 * region.area.sqrt();
+        for axis in 0..2 {
+            min[axis] = min[axis].min(region.at[axis] - half);
+            max[axis] = max[axis].max(region.at[axis] + half);
+        }
+    }
+    ((max[0] - min[0]) * (max[1] - min[1])).max(1.0)
+}
+
+fn border_sums(situation: &Situation<'_>, change: &[bool], odds: &[f32], geodesic: &[f32]) -> BorderSums {
     const WEAK: f32 = 0.35;
     let graph = situation.graph;
     let mut sums = BorderSums::default();
     for edge in &graph.edges {
         let (a, b) = (edge.a as usize, edge.b as usize);
         if change[a] == change[b] {
+            if change[a] {
+                sums.inner_length += edge.length;
+                sums.inner_price += edge.length * border_price(edge);
+            }
             continue;
         }
         let outside = if change[a] { b } else { a };
@@ -82,7 +112,8 @@ fn border_sums(situation: &Situation<'_>, change: &[bool], leaning: &[f32]) -> B
             sums.length += edge.length;
             sums.price += edge.length * border_price(edge);
             sums.weak += if edge.strength < WEAK { edge.length } else { 0.0 };
-            sums.ring += edge.length * leaning[outside];
+            sums.ring_odds += edge.length * odds[outside];
+            sums.ring_geodesic += edge.length * geodesic[outside];
         }
     }
     sums.rim = graph.regions.iter().zip(change).map(|(region, &change)| if change { region.rim } else { 0.0 }).sum();
@@ -115,21 +146,21 @@ fn is_nearer_opposite(situation: &Situation<'_>, region: usize) -> bool {
     nearest(!situation.include) < nearest(situation.include)
 }
 
-/// Sets each candidate's mean IoU with the others.
-pub(super) fn agreement(situation: &Situation<'_>, candidates: &mut [Candidate]) {
+/// Sets each candidate's mean IoU with the others; the IoU of every two.
+pub(super) fn agreement(situation: &Situation<'_>, candidates: &mut [Candidate]) -> Vec<Vec<f32>> {
     let areas: Vec<f32> = situation.graph.regions.iter().map(|region| region.area).collect();
-    let mut sums = vec![0.0; candidates.len()];
+    let mut shared = vec![vec![1.0; candidates.len()]; candidates.len()];
     for a in 0..candidates.len() {
         for b in a + 1..candidates.len() {
-            let shared = iou(&candidates[a].change, &candidates[b].change, &areas);
-            sums[a] += shared;
-            sums[b] += shared;
+            shared[a][b] = iou(&candidates[a].change, &candidates[b].change, &areas);
+            shared[b][a] = shared[a][b];
         }
     }
     let others = (candidates.len().max(2) - 1) as f32;
-    for (candidate, sum) in candidates.iter_mut().zip(sums) {
-        candidate.traits[AGREEMENT] = sum / others;
+    for (candidate, shared) in candidates.iter_mut().zip(&shared) {
+        candidate.traits[AGREEMENT] = (shared.iter().sum::<f32>() - 1.0) / others;
     }
+    shared
 }
 
 fn iou(a: &[bool], b: &[bool], areas: &[f32]) -> f32 {

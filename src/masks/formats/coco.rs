@@ -8,7 +8,7 @@ use super::adopt::{Adoption, Newcomer};
 use super::coco_json::{Annotation, Category, Counts, Dataset, ImageEntry, Segmentation};
 use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
 use super::files::{FoundFile, in_parallel, invalid, io_error, list_files, write_whole};
-use super::frame_names::{NameIndex, without_ending};
+use super::frame_names::NameIndex;
 use super::layers::{contested_warning, stacked};
 use super::png_values::size_fault;
 use super::rle;
@@ -102,12 +102,12 @@ fn images_by_frame<'i>(
     images: &'i [ImageEntry],
     frames: &[MaskFrame<'_>],
 ) -> Result<(BTreeMap<i64, usize>, Vec<&'i str>), MaskError> {
+    let index = NameIndex::new(frames.iter().map(|frame| frame.name));
     let entry = |image: &ImageEntry| FoundFile {
         path: PathBuf::from(&image.file_name),
-        stem: without_ending(&image.file_name.replace('\\', "/")).to_owned(),
+        stem: index.stem_of(&image.file_name.replace('\\', "/")).to_owned(),
     };
     let entries: Vec<FoundFile> = images.iter().map(entry).collect();
-    let index = NameIndex::new(frames.iter().map(|frame| frame.name));
     let frame_of_stem: BTreeMap<&str, usize> =
         index.match_files(path, &entries)?.pairs.into_iter().map(|(frame, file)| (file.stem.as_str(), frame)).collect();
     let mut by_id = BTreeMap::new();

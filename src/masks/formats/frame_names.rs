@@ -40,6 +40,12 @@ impl NameIndex {
         hits.enumerate().find_map(|(sureness, hit)| Some((hit?, sureness)))
     }
 
+    /// What a file's full name is matched by: itself where a name is exactly that, else without its ending.
+    pub(super) fn stem_of<'n>(&self, file_name: &'n str) -> &'n str {
+        let exact = self.levels[0].contains_key(file_name);
+        if exact { file_name } else { without_ending(file_name) }
+    }
+
     /// Gives every file to its frame; where several fit one frame, the surest gets it.
     ///
     /// # Errors
@@ -98,7 +104,7 @@ pub fn file_stems(frames: &[MaskFrame<'_>]) -> Result<Vec<String>, MaskError> {
 }
 
 /// A name without what follows the last dot of its last part.
-pub(super) fn without_ending(name: &str) -> &str {
+fn without_ending(name: &str) -> &str {
     let start = name.rfind('/').map_or(0, |slash| slash + 1);
     match name[start..].rfind('.') {
         Some(dot) if dot > 0 => &name[..start + dot],

@@ -70,6 +70,7 @@ fn footprint(seen: Seen, right: Option<Seen>, below: Option<Seen>, zoom: f32) ->
             }
             0.5 * across.abs().max(down.abs())
         }
+        (None, None) => return None,
         _ => plain,
     };
     Some((half + 0.25).min(Vec2::splat(LARGEST_HALF)))

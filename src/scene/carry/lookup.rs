@@ -16,7 +16,7 @@ pub fn ask(
     progress: &Progress,
 ) -> Result<Sightings, Stopped> {
     let mut sightings = Sightings::none(target.rays.len());
-    look_up(anchor, target, tolerance, options, &mut sightings, progress)?;
+    look_up(anchor, target, tolerance, &mut sightings, progress)?;
     draw_in_holes(anchor, target, options, &mut sightings, progress)?;
     Ok(sightings)
 }
@@ -25,7 +25,6 @@ fn look_up(
     anchor: &Anchor,
     target: &Viewpoint,
     tolerance: &Tolerance,
-    options: &CarryOptions,
     sightings: &mut Sightings,
     progress: &Progress,
 ) -> Result<(), Stopped> {
@@ -40,9 +39,7 @@ fn look_up(
         let (x, y) = (px.x as usize, px.y as usize);
         let Some((hit, agreement)) = surface_at(&anchor.view, x, y, moved.z, tolerance) else { continue };
         let nearness = (point.z / moved.z).min(1.0);
-        let facing = facing(&anchor.view, x, y).max(options.grazing_weight);
-        let own = if anchor.own.depths[hit] > 0.0 { 1.0 } else { options.filled_weight };
-        sightings.set(at, anchor.mask.ids[hit], agreement * nearness * facing * own * anchor.trust[hit]);
+        sightings.set(at, anchor.mask.ids[hit], agreement * nearness * anchor.trust[hit]);
     }
     Ok(())
 }
@@ -59,9 +56,7 @@ fn draw_in_holes(
     for (at, drawn) in canvas.iter().enumerate() {
         if drawn.depth < f32::INFINITY && target.depth.depths[at] <= 0.0 {
             let from = drawn.from as usize;
-            let own = anchor.own.depths[from] > 0.0;
-            let weight = if own { options.drawn_weight } else { options.filled_weight };
-            sightings.set(at, anchor.mask.ids[from], weight * anchor.trust[from]);
+            sightings.set(at, anchor.mask.ids[from], options.drawn_weight * anchor.trust[from]);
         }
     }
     Ok(())
@@ -87,19 +82,4 @@ fn surface_at(view: &Viewpoint, x: usize, y: usize, z: f32, tolerance: &Toleranc
     }
     let ratio = least / limit;
     (ratio <= 1.0).then(|| (best, share * (1.0 - 0.75 * ratio * ratio)))
-}
-
-/// Cosine of the angle between a surface and the view of it, from the slope of the depth; 1 where no slope is known.
-fn facing(view: &Viewpoint, x: usize, y: usize) -> f32 {
-    let (width, height) = (view.width(), view.height());
-    let depth = |x: usize, y: usize| view.depth.depths[y * width + x];
-    let here = depth(x, y);
-    if x == 0 || y == 0 || x + 1 >= width || y + 1 >= height || here <= 0.0 {
-        return 1.0;
-    }
-    let slope = |a: f32, b: f32| if a > 0.0 && b > 0.0 { 0.5 * (b - a) / here } else { 0.0 };
-    let focal = view.stand.camera.focal_px.as_vec2();
-    let across = focal.x * slope(depth(x - 1, y), depth(x + 1, y));
-    let down = focal.y * slope(depth(x, y - 1), depth(x, y + 1));
-    (1.0 + across * across + down * down).sqrt().recip()
 }

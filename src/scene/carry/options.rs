@@ -1,8 +1,12 @@
 /// How masks are carried through geometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CarryOptions {
-    /// How much two depths of one surface may differ at the scene's median depth, as a share of it; 0.001–0.1.
-    pub tolerance: f32,
+    /// How much two depths of one surface may differ, in medians of the differences between two frames; ≥ 1.
+    pub noise_factor: f32,
+    /// Least of that, as a share of the depth at the scene's median depth; > 0.
+    pub least_tolerance: f32,
+    /// Most of that, as a share of the depth at the scene's median depth; < 0.1.
+    pub most_tolerance: f32,
     /// Anchors asked per label and frame; ≥ 1.
     pub anchors: usize,
     /// Frames that fill the holes in an anchor's depth; 0 = none.
@@ -35,7 +39,9 @@ impl Default for CarryOptions {
     fn default() -> Self {
         let env = |name: &str, default: f32| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default);
         Self {
-            tolerance: env("TOL", 0.015),
+            noise_factor: env("NOISE", 3.0),
+            least_tolerance: env("TMIN", 0.005),
+            most_tolerance: env("TMAX", 0.04),
             anchors: env("ANCHORS", 3.0) as usize,
             fillers: env("FILLERS", 8.0) as usize,
             grazing_weight: env("GRAZING", 0.1),

@@ -18,6 +18,9 @@ pub fn belonging(votes: &[[f32; 2]], passing: Passing, options: &CarryOptions) -
     votes.iter().zip(&spread).map(decide).collect()
 }
 
+/// Largest difference of two colours: the sum over channels.
+const COLORS: usize = 3 * 255 + 1;
+
 /// How votes pass between the pixels of a box: less over edges of colour and jumps of depth.
 pub fn passing(
     image: &Image,
@@ -26,27 +29,40 @@ pub fn passing(
     tolerance: &Tolerance,
     options: &CarryOptions,
 ) -> Passing {
-    let (width, full) = (within.width(), target.width());
-    let rate = -(2f32.sqrt()) / (options.reach_px * first_round_share());
+    let even = shares(0.0, options);
+    let jump = shares(options.depth_edge_px, options);
     let depths = &target.depth.depths;
     let share = |a: usize, b: usize| {
-        let difference: u32 = image.pixels[a].iter().zip(image.pixels[b]).map(|(&p, q)| u32::from(p.abs_diff(q))).sum();
+        let (p, q) = (image.pixels[a], image.pixels[b]);
+        let difference: u16 = (0..3).map(|c| u16::from(p[c].abs_diff(q[c]))).sum();
         let (near, far) = (depths[a].min(depths[b]), depths[a].max(depths[b]));
-        let jump = near > 0.0 && far - near > tolerance.at(near);
-        let edge = options.color_edge_px * difference as f32 / 255.0 + if jump { options.depth_edge_px } else { 0.0 };
-        (rate * (1.0 + edge)).exp()
+        let jumps = near > 0.0 && far - near > tolerance.at(near);
+        if jumps { jump[usize::from(difference)] } else { even[usize::from(difference)] }
     };
+    let (width, full) = (within.width(), target.width());
     let mut across = vec![0.0; width * within.height()];
     let mut down = across.clone();
-    for (i, (across, down)) in across.iter_mut().zip(&mut down).enumerate() {
-        let (x, y) = (within.left + i % width, within.top + i / width);
-        let at = y * full + x;
-        if x > within.left {
-            *across = share(at - 1, at);
+    for (y, (across, down)) in
+        (within.top..).zip(across.chunks_exact_mut(width).zip(down.chunks_exact_mut(width)))
+    {
+        let first = y * full + within.left;
+        for (x, across) in across.iter_mut().enumerate().skip(1) {
+            *across = share(first + x - 1, first + x);
         }
         if y > within.top {
-            *down = share(at - full, at);
+            for (x, down) in down.iter_mut().enumerate() {
+                *down = share(first + x - full, first + x);
+            }
         }
     }
     Passing { width, across, down }
+}
+
+/// By difference of colour how much passes over a step that is `extra_px` longer.
+fn shares(extra_px: f32, options: &CarryOptions) -> [f32; COLORS] {
+    let rate = -(2f32.sqrt()) / (options.reach_px * first_round_share());
+    std::array::from_fn(|difference| {
+        let color = options.color_edge_px * difference as f32 / 255.0;
+        (rate * (1.0 + color + extra_px)).exp()
+    })
 }

@@ -9,6 +9,17 @@ pub struct Passing {
     pub down: Vec<f32>,
 }
 
+impl Passing {
+    /// The part in a smaller box, whose first pixel is in column `left`, row `top`.
+    pub fn part(&self, left: usize, top: usize, width: usize, height: usize) -> Self {
+        let rows = |all: &[f32]| -> Vec<f32> {
+            let rows = all.chunks_exact(self.width).skip(top).take(height);
+            rows.flat_map(|row| &row[left..left + width]).copied().collect()
+        };
+        Self { width, across: rows(&self.across), down: rows(&self.down) }
+    }
+}
+
 /// Rounds of the filter, each with half the reach of the one before.
 pub const ROUNDS: i32 = 3;
 

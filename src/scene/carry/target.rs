@@ -21,11 +21,15 @@ pub fn decide(
 ) -> Result<(LabelMask, BTreeMap<LabelId, f32>), Stopped> {
     let mut mask = LabelMask::empty(image.width, image.height);
     let mut best = vec![0.0f32; mask.ids.len()];
-    for (label, around) in votes.boxes() {
+    let boxes: BTreeMap<LabelId, PixelBox> = (votes.boxes().into_iter())
+        .map(|(label, around)| (label, around.grown(options.margin_px, votes.width, votes.height)))
+        .collect();
+    let Some(all) = boxes.values().copied().reduce(|a, b| a.union(&b)) else { return Ok((mask, BTreeMap::new())) };
+    let passing = passing(image, target, all, tolerance, options);
+    for (label, within) in boxes {
         progress.check()?;
-        let within = around.grown(options.margin_px, votes.width, votes.height);
-        let passing = passing(image, target, within, tolerance, options);
-        let belonging = belonging(&votes.of(label, within), passing, options);
+        let part = passing.part(within.left - all.left, within.top - all.top, within.width(), within.height());
+        let belonging = belonging(&votes.of(label, within), part, options);
         lay_over(&belonging, label, within, &mut mask, &mut best);
     }
     let confidence = confidence(&mask, &best);

@@ -3,7 +3,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::anchor::{Anchor, labels_of, trust};
+use super::anchor::{Anchor, labels_of};
 use super::choose::{anchors_for, fillers_for};
 use super::complete::Completion;
 use super::lookup::ask;
@@ -117,6 +117,7 @@ impl<'a> Run<'a> {
         let mut votes = Votes { width: target.width(), height: target.height(), of_anchors: Vec::new() };
         for given in self.anchors_for(frame, &target) {
             let Some(anchor) = self.anchor(given)? else { continue };
+            let tolerance = Tolerance::measured(&target, &anchor.view, self.options);
             let sightings = ask(&anchor, &target, &tolerance, self.options, self.progress)?;
             votes.of_anchors.push((anchor, sightings));
         }
@@ -127,7 +128,7 @@ impl<'a> Run<'a> {
     }
 
     fn tolerance(&self, view: &Viewpoint) -> Tolerance {
-        Tolerance::new(self.options.tolerance, view.median_depth().unwrap_or(1.0))
+        Tolerance::new(self.options.most_tolerance, view.median_depth().unwrap_or(1.0))
     }
 
     fn anchors_for(&self, frame: usize, target: &Viewpoint) -> Vec<&Given> {
@@ -160,14 +161,8 @@ impl<'a> Run<'a> {
                 completion.add(&filler, self.progress)?;
             }
         }
-        let depth = Arc::new(completion.finish());
-        let anchor = Arc::new(Anchor {
-            own: own.depth.clone(),
-            view: Viewpoint { depth, ..own },
-            mask: given.mask.clone(),
-            labels: given.labels.clone(),
-            trust: trust(&given.mask, self.options),
-        });
+        let filled = completion.finish();
+        let anchor = Arc::new(Anchor::new(own, filled, given.mask.clone(), self.options));
         let mut ready = lock();
         if kept(&ready).is_none() {
             if ready.len() >= ANCHORS_READY {

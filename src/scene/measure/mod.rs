@@ -1,9 +1,20 @@
 //! Traits from a labelled cloud: lengths, diameters, areas, volumes per label and instance, as a table.
 //!
-//! May use: masks (the label tree), the cloud. Must not touch: files, Project, UI.
+//! May use: masks (the label tree), the cloud, engine::job. Must not touch: files, Project, UI.
 
+mod area;
+mod body;
+mod bridge;
+mod grid;
 mod hull;
+mod insertion;
+mod medial;
+mod section;
 mod table;
+#[cfg(test)]
+mod tests;
+mod traits;
 
 pub use hull::hull_volume;
 pub use table::{Dimension, TraitRow, traits_csv};
+pub use traits::{MeasureOptions, measure};

@@ -73,6 +73,8 @@ pub(super) struct Sheath {
 
 impl Sheath {
     const OVERLAP: f64 = 0.6;
+    /// Share of the sheet that is not covered by its own margin.
+    pub(super) const VISIBLE: f64 = TAU / (TAU + Self::OVERLAP);
     const GAP_M: f64 = 0.000_45;
 
     pub(super) fn length_m(&self) -> f64 {

@@ -30,6 +30,7 @@ mod tiller;
 mod tiller_traits;
 mod truth;
 mod view;
+mod visibility;
 mod write;
 
 pub use options::{SceneKind, SceneOptions, SensorNoise};

@@ -62,7 +62,8 @@ impl SceneOptions {
             ("arc in degrees", self.arc_deg, 0.0, 300.0),
             ("camera distance in metres", self.distance_m, 0.5, 3.0),
         ];
-        for (what, value, low, high) in ranges {
+        let noise = self.noise.as_ref().map_or_else(Vec::new, SensorNoise::ranges);
+        for (what, value, low, high) in ranges.into_iter().chain(noise) {
             if !(low..=high).contains(&value) {
                 return Err(SceneError::Request(format!("the {what} is {value}; choose {low} to {high}")));
             }
@@ -102,5 +103,20 @@ impl Default for SensorNoise {
             step_m: 0.001,
             color_sigma: 2.5,
         }
+    }
+}
+
+impl SensorNoise {
+    /// Each number with what it is called and its range.
+    fn ranges(&self) -> Vec<(&'static str, f64, f64, f64)> {
+        vec![
+            ("depth noise in metres", self.depth_base_m, 0.0, 0.02),
+            ("growth of depth noise", self.depth_growth, 0.0, 0.02),
+            ("depth edge in metres", self.edge_m, 0.001, 1.0),
+            ("share of flying pixels", self.flying, 0.0, 1.0),
+            ("share of missing pixels", self.missing, 0.0, 1.0),
+            ("depth step in metres", self.step_m, 0.0001, 0.01),
+            ("colour noise", self.color_sigma, 0.0, 50.0),
+        ]
     }
 }

@@ -29,8 +29,20 @@ impl Assembly {
         self.parts.push(Part { label, material, seed, mesh });
     }
 
-    /// Adds an exact trait of a label.
+    /// Adds an exact trait of the only instance of a label.
     pub(super) fn record(
+        &mut self,
+        id: LabelId,
+        name: &'static str,
+        value: (f64, Dimension),
+        definition: &'static str,
+    ) {
+        self.record_whole(id, name, value, definition);
+        self.traits.iter_mut().last().into_iter().for_each(|row| row.instance = 1);
+    }
+
+    /// Adds an exact trait of a label as a whole.
+    pub(super) fn record_whole(
         &mut self,
         id: LabelId,
         name: &'static str,
@@ -39,7 +51,7 @@ impl Assembly {
     ) {
         let label = self.tree.get(id).map_or_else(String::new, |label| label.name.clone());
         let path = TraitRow::path_of(&self.tree, id);
-        self.traits.push(TraitRow { label, path, instance: 1, name, value, dimension, definition });
+        self.traits.push(TraitRow { label, path, instance: 0, name, value, dimension, definition });
     }
 
     /// Adds a label below `parent`. Builders give every name once, so the tree takes it.

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -82,6 +84,11 @@ impl<'a> Raster<'a> {
         (high.x >= 0.0 && low.x <= size.x).then_some(Facet { edges, volume: volume.abs(), low, high })
     }
 
+    /// The triangles that touch a band.
+    pub(super) fn facets(&self, band: usize) -> impl Iterator<Item = Facet> + '_ {
+        self.bands[band].iter().filter_map(|&triangle| self.facet(triangle))
+    }
+
     /// Draws a band with `samples` × `samples` samples a pixel, evenly spread; an odd number has one at the centre.
     pub(super) fn hits(&self, band: usize, samples: u32) -> Hits {
         let rows = band_rows(&self.camera, band);
@@ -118,19 +125,24 @@ impl<'a> Raster<'a> {
 }
 
 impl Facet {
+    /// The pixels that the triangle may touch, as far as they lie in the given ranges.
+    pub(super) fn pixels(&self, columns: Range<u32>, rows: Range<u32>) -> (Range<u32>, Range<u32>) {
+        let cut = |low: f64, high: f64, within: Range<u32>| {
+            let low = low.clamp(f64::from(within.start), f64::from(within.end)) as u32;
+            let high = (high.floor() + 1.0).clamp(f64::from(within.start), f64::from(within.end)) as u32;
+            low..high
+        };
+        (cut(self.low.x, self.high.x, columns), cut(self.low.y, self.high.y, rows))
+    }
+
     /// Depth along the optical axis where a ray (z = 1) hits; `None` beside the triangle.
     #[inline]
-    fn depth(&self, ray: DVec3) -> Option<f64> {
+    pub(super) fn depth(&self, ray: DVec3) -> Option<f64> {
         let [a, b, c] = self.edges.map(|edge| edge.dot(ray));
         if a < 0.0 || b < 0.0 || c < 0.0 {
             return None;
         }
         Some(self.volume / (a + b + c)).filter(|&depth| depth >= NEAR_M && depth.is_finite())
-    }
-
-    /// Depth along the optical axis where a ray (z = 1) hits the triangle's plane.
-    pub(super) fn plane_depth(&self, ray: DVec3) -> f64 {
-        self.volume / self.edges.iter().map(|edge| edge.dot(ray)).sum::<f64>()
     }
 
     /// Shares of the three corners (sum 1) where a ray hits.
@@ -143,7 +155,7 @@ impl Facet {
 }
 
 /// Picture rows of a band.
-pub(super) fn band_rows(camera: &Camera, band: usize) -> std::ops::Range<u32> {
+pub(super) fn band_rows(camera: &Camera, band: usize) -> Range<u32> {
     let first = band as u32 * BAND_ROWS;
     first..(first + BAND_ROWS).min(camera.height)
 }

@@ -19,9 +19,9 @@ use crate::scene::{LabelledCloud, SceneError};
 #[derive(Debug, Clone)]
 pub struct Scene {
     options: SceneOptions,
-    model: Model,
+    pub(super) model: Model,
     light: Light,
-    views: Vec<View>,
+    pub(super) views: Vec<View>,
     tree: LabelTree,
     traits: Vec<TraitRow>,
 }

@@ -36,7 +36,7 @@ pub(super) fn build_tiller(seed: u64) -> Assembly {
         let id = assembly.label(&format!("leaf {}", k + 1), Some(leaf));
         let part_ids = ["blade", "sheath"].map(|part| assembly.label(&format!("leaf {} {part}", k + 1), Some(id)));
         let meshes = [grown.blade.mesh(), grown.sheath.mesh(&shoot.culm)];
-        let areas_m2 = [meshes[0].area_m2(), meshes[1].area_m2()];
+        let areas_m2 = [meshes[0].area_m2(), meshes[1].area_m2() * Sheath::VISIBLE];
         add_leaf_traits(&mut assembly, (id, part_ids), (shoot, grown), areas_m2);
         let materials = [Material::Blade { length_m: grown.plan.length_m as f32 }, Material::Sheath];
         for ((id, mesh), material) in part_ids.into_iter().zip(meshes).zip(materials) {
@@ -126,10 +126,10 @@ impl Shoot {
         let side = from.cross(DVec3::Y).normalize();
         let curve = Curve::turning(outward * dice.range(0.012, 0.016), from, to, 1.0, length, side);
         let count = LEAVES[k];
-        // The main culm rises bare above its last leaf; the others end in theirs.
-        let pitch = if k == 0 { 0.90 * length / count as f64 } else { 0.95 * length / (count as f64 - 0.42) };
+        // The main culm rises bare above its last leaf; the others a little.
+        let pitch = if k == 0 { 0.87 * length / count as f64 } else { 0.86 * length / (count as f64 - 0.42) };
         let nodes_m: Vec<f64> =
-            (0..count).map(|i| 0.05 * length + pitch * (i as f64 + dice.range(-0.05, 0.05))).collect();
+            (0..count).map(|i| 0.08 * length + pitch * (i as f64 + dice.range(-0.05, 0.05))).collect();
         let culm = Culm::new(curve, nodes_m, dice);
         let leaves = (0..count).map(|i| Leaf::grow(&culm, i, pitch, azimuth, dice)).collect();
         Self { culm, leaves }

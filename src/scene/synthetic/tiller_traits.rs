@@ -26,7 +26,7 @@ pub(super) fn add_leaf_traits(
     let whole = length + sheath_length;
     assembly.record(id, "length", (whole, Length), "length along sheath and midrib from node to tip");
     let whole = areas_m2[0] + areas_m2[1];
-    assembly.record(id, "area", (whole, Area), "one-sided area of blade and sheath, the sheath unrolled");
+    assembly.record(id, "area", (whole, Area), "one-sided area of blade and sheath, the sheath's overlap counted once");
     let [blade, sheath] = ids;
     let width = leaf.blade.mean_width_m();
     assembly.record(blade, "length", (length, Length), "length along the midrib from collar to tip");
@@ -39,13 +39,13 @@ pub(super) fn add_leaf_traits(
     assembly.record(blade, "insertion_angle", (insertion, Angle), definition);
     let definition = "length along the culm from node to collar, on the blade's side";
     assembly.record(sheath, "length", (sheath_length, Length), definition);
-    assembly.record(sheath, "area", (areas_m2[1], Area), "one-sided area of the sheath, unrolled");
+    assembly.record(sheath, "area", (areas_m2[1], Area), "one-sided area of the sheath, its overlap counted once");
 }
 
 /// `surface`: everything of the panicle.
 pub(super) fn add_panicle_traits(assembly: &mut Assembly, id: LabelId, grains: (LabelId, usize), surface: &Mesh) {
     let volume = hull_volume(&surface.positions);
     let definition = "volume of the convex hull of rachis, branches and grains";
-    assembly.record(id, "hull_volume", (volume, Volume), definition);
-    assembly.record(grains.0, "grains", (grains.1 as f64, Count), "number of grains");
+    assembly.record_whole(id, "hull_volume", (volume, Volume), definition);
+    assembly.record_whole(grains.0, "instances", (grains.1 as f64, Count), "number of grains");
 }

@@ -1,12 +1,11 @@
 use glam::{DVec3, Vec2, Vec3};
-use rayon::prelude::*;
 
 use super::bitmap::encoded;
 use super::light::Light;
 use super::model::Model;
-use super::raster::{NOTHING, Raster};
 use super::sampling::{Spot, cover};
 use super::view::View;
+use super::visibility::visible_spots;
 use crate::engine::job::Progress;
 use crate::masks::LabelTree;
 use crate::scene::{LabelledCloud, SceneError};
@@ -50,9 +49,6 @@ impl TruthOptions {
     }
 }
 
-/// A point is seen when it lies at most this far behind the nearest surface, metres.
-const SEEN_WITHIN_M: f64 = 0.0005;
-
 pub(super) fn exact_cloud(
     (model, light, tree): (&Model, &Light, &LabelTree),
     (views, seed): (&[View], u64),
@@ -64,9 +60,9 @@ pub(super) fn exact_cloud(
         if model.looks[part].label.0 == 0 { options.surroundings_m } else { Some(options.spacing_m) }
     });
     let views = if options.min_views == 0 { &[] } else { views };
-    let sightings = Sightings::count(model, &spots, views, progress)?;
+    let sightings = count_sightings(model, &spots, views, progress)?;
     let mut cloud = LabelledCloud { tree: tree.clone(), ..LabelledCloud::default() };
-    for (spot, (count, towards)) in spots.iter().zip(sightings.0) {
+    for (spot, (count, towards)) in spots.iter().zip(sightings) {
         if count < options.min_views {
             continue;
         }
@@ -93,43 +89,22 @@ where
 }
 
 /// Per spot, how many views see it and the centre of the first camera that does.
-struct Sightings(Vec<(usize, Option<DVec3>)>);
+type Sightings = Vec<(usize, Option<DVec3>)>;
 
-impl Sightings {
-    fn count(model: &Model, spots: &[Spot], views: &[View], progress: &Progress) -> Result<Self, SceneError> {
-        let mut seen = vec![(0, None); spots.len()];
-        for (k, view) in views.iter().enumerate() {
-            progress.step(k, views.len())?;
-            let raster = Raster::new(model, &view.camera, &view.camera_from_world);
-            let bands: Vec<Vec<u32>> =
-                (0..raster.band_count()).into_par_iter().map(|band| raster.hits(band, 1).triangles).collect();
-            let nearest = bands.concat();
-            let eye = view.camera_from_world.centre();
-            seen.par_iter_mut().zip(spots).for_each(|(seen, spot)| {
-                if sees(view, &raster, &nearest, spot.x) {
-                    *seen = (seen.0 + 1, seen.1.or(Some(eye)));
-                }
-            });
+fn count_sightings(
+    model: &Model,
+    spots: &[Spot],
+    views: &[View],
+    progress: &Progress,
+) -> Result<Sightings, SceneError> {
+    let mut seen = vec![(0, None); spots.len()];
+    for (k, view) in views.iter().enumerate() {
+        progress.step(k, views.len())?;
+        let eye = view.camera_from_world.centre();
+        for spot in visible_spots(model, spots, view) {
+            let (count, first) = seen[spot];
+            seen[spot] = (count + 1, Some(first.unwrap_or(eye)));
         }
-        Ok(Self(seen))
     }
-}
-
-/// Whether any of the four pixels around a point's image shows a surface that does not hide it.
-fn sees(view: &View, raster: &Raster<'_>, nearest: &[u32], x: DVec3) -> bool {
-    let x_in_camera = view.camera_from_world.transform(x);
-    let Some(at_px) = view.camera.project(x_in_camera) else { return false };
-    let (width, height) = (view.camera.width as usize, view.camera.height as usize);
-    if at_px.min_element() < 0.0 || at_px.x >= width as f64 || at_px.y >= height as f64 {
-        return false;
-    }
-    let (left, top) = ((at_px.x - 0.5).max(0.0) as usize, (at_px.y - 0.5).max(0.0) as usize);
-    (0..4).any(|k| {
-        let (column, row) = ((left + k % 2).min(width - 1), (top + k / 2).min(height - 1));
-        let triangle = nearest[row * width + column];
-        triangle != NOTHING
-            && raster
-                .facet(triangle)
-                .is_some_and(|facet| x_in_camera.z <= facet.plane_depth(x_in_camera / x_in_camera.z) + SEEN_WITHIN_M)
-    })
+    Ok(seen)
 }

@@ -4,7 +4,7 @@ use anyhow::{Result, ensure};
 
 use super::paint::{anchor, label_name, mask_of};
 use crate::masks::{
-    LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, taken_by_others,
+    Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, taken_by_others,
 };
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{Edit, Event, JobId, Project, PromptRequest, Session, engines};
@@ -63,7 +63,7 @@ impl Session {
         let project = self.snapshot()?;
         let PromptRequest { frame, label, prompt, .. } = request;
         let mut mask = mask_of(&project, *frame)?;
-        let yielding = unprompted(&project, *frame, *label);
+        let yielding = giving_way(&project, &mask, request);
         compose(&mut mask, region, *label, prompt, &yielding, &project.labels)?;
         let title = format!("Prompt {} on frame {frame}", label_name(&project, *label)?);
         let edits = vec![
@@ -96,30 +96,47 @@ const PREPARE: &str = "prepare";
 
 fn answer(ready: &dyn PreparedFrame, project: &Project, request: &PromptRequest) -> Result<Region> {
     let mask = mask_of(project, request.frame)?;
-    let previous = refines(project, request).then(|| mask.region(request.label));
+    let previous = refines(project, request).then(|| mask.region(request.label)).filter(|region| region.area() > 0);
     let taken = taken(project, &mask, request);
-    let request = SegmentRequest { prompt: &request.prompt, previous: previous.as_ref(), taken: taken.as_ref() };
+    let prompt = against_rivals(project, request);
+    let request = SegmentRequest { prompt: &prompt, previous: previous.as_ref(), taken: taken.as_ref() };
     Ok(ready.segment(&request)?)
 }
 
-/// Whether the new prompt is the former one and one click more: then the answer is refined, not begun anew.
+/// Whether the new prompt is the former one and one click more, or the first click on a mask that a tracker brought:
+/// then the answer is refined, not begun anew.
 fn refines(project: &Project, request: &PromptRequest) -> bool {
-    let Some(before) = project.prompts.get(&(request.frame, request.label)) else { return false };
+    let nothing = Prompt::default();
+    let before = project.prompts.get(&(request.frame, request.label)).unwrap_or(&nothing);
     let Prompt { clicks, boxes } = &request.prompt;
     *boxes == before.boxes && clicks.split_last().is_some_and(|(_, first)| first == before.clicks)
 }
 
-/// Labels on the frame that give way to an answer: those that were not prompted there.
-fn unprompted(project: &Project, frame: usize, label: LabelId) -> Vec<LabelId> {
-    let prompted = |id| id != label && project.prompts.contains_key(&(frame, id));
-    let below = project.labels.descendants(label);
+/// What is given for the label, and that the pixels where other labels of the frame were clicked are not it. Labels
+/// above or below the label are no rivals.
+fn against_rivals(project: &Project, request: &PromptRequest) -> Prompt {
+    let mut prompt = request.prompt.clone();
+    let kin = [project.labels.path(request.label), project.labels.descendants(request.label)].concat();
+    let rivals = project.prompts.iter().filter(|((frame, id), _)| *frame == request.frame && !kin.contains(id));
+    let clicks = rivals.flat_map(|(_, given)| &given.clicks).filter(|click| click.include);
+    prompt.clicks.splice(0..0, clicks.map(|click| Click { include: false, ..*click }));
+    prompt
+}
+
+/// Labels on the frame that give way to an answer: those that were not prompted there, and those in whose pixels the
+/// newest click lies, if it includes: the user says that they are wrong there.
+fn giving_way(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Vec<LabelId> {
+    let newest = request.prompt.clicks.last().filter(|click| click.include);
+    let contested = newest.and_then(|click| click.pixel_in(mask.width, mask.height)).map(|at| mask.ids[at]);
+    let prompted = |id| id != request.label && project.prompts.contains_key(&(request.frame, id));
+    let below = project.labels.descendants(request.label);
     let ids = project.labels.iter().map(|label| label.id);
-    ids.filter(|&id| !prompted(id) && !below.contains(&id)).collect()
+    ids.filter(|&id| (!prompted(id) || contested == Some(id)) && !below.contains(&id)).collect()
 }
 
 /// The pixels that an answer may not take: those of other labels prompted on the frame, but for parts of the label.
 fn taken(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Option<Region> {
-    let mut open = unprompted(project, request.frame, request.label);
+    let mut open = giving_way(project, mask, request);
     open.extend(project.labels.descendants(request.label));
     let taken = taken_by_others(mask, request.label, &open, &project.labels);
     taken.inside.contains(&true).then_some(taken)

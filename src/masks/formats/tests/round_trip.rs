@@ -75,7 +75,8 @@ fn ids_without_a_label_are_named_after_their_numbers() {
         let dir = tempfile::tempdir().unwrap();
         export(dir.path(), format, &["a.png"], &masks).unwrap();
         let read = import(dir.path(), format, &["a.png"], &tree()).unwrap();
-        let new: Vec<(u16, &str)> = read.new_labels.iter().map(|label| (label.id.0, label.name.as_str())).collect();
+        let mut new: Vec<(u16, &str)> = read.new_labels.iter().map(|label| (label.id.0, label.name.as_str())).collect();
+        new.sort_unstable();
         assert_eq!(new, [(7, "7"), (300, "300")], "{format:?}");
         assert_eq!(read.masks[&0], masks[0].1, "{format:?}");
     }

@@ -1,0 +1,184 @@
+use std::sync::Arc;
+
+use glam::DVec2;
+use proptest::prelude::*;
+
+use super::BuiltinSegmenter;
+use crate::engine::job::Progress;
+use crate::frames::{DepthMap, Image};
+use crate::masks::{Click, MaskError, PreparedFrame, Prompt, PxBox, Region, SegmentRequest, Segmenter};
+
+const WIDTH: u32 = 160;
+const HEIGHT: u32 = 120;
+
+/// A picture of noisy colours chosen per pixel.
+fn picture(width: u32, height: u32, color: impl Fn(u32, u32) -> [u8; 3]) -> Arc<Image> {
+    let pixel = |at: u32| {
+        let noise = (at.wrapping_mul(2_654_435_761) >> 28) as u8;
+        color(at % width, at / width).map(|channel| channel.saturating_add(noise))
+    };
+    Arc::new(Image { width, height, pixels: (0..width * height).map(pixel).collect() })
+}
+
+fn in_disc(x: u32, y: u32) -> bool {
+    (f64::from(x) - 90.0).hypot(f64::from(y) - 60.0) < 30.0
+}
+
+fn disc_picture() -> Arc<Image> {
+    picture(WIDTH, HEIGHT, |x, y| if in_disc(x, y) { [180, 60, 40] } else { [70, 110, 90] })
+}
+
+fn prepared(image: &Arc<Image>, depth: Option<DepthMap>) -> Arc<dyn PreparedFrame> {
+    BuiltinSegmenter.prepare(image, depth.map(Arc::new).as_ref(), &Progress::default()).unwrap()
+}
+
+fn click(x: f64, y: f64, include: bool) -> Click {
+    Click { at_px: DVec2::new(x, y), include }
+}
+
+fn ask(frame: &dyn PreparedFrame, prompt: &Prompt, taken: Option<&Region>) -> Region {
+    frame.segment(&SegmentRequest { prompt, previous: None, taken }).unwrap()
+}
+
+fn of_clicks(clicks: &[Click]) -> Prompt {
+    Prompt { clicks: clicks.to_vec(), boxes: Vec::new() }
+}
+
+fn iou(answer: &Region, truth: impl Fn(u32, u32) -> bool) -> f64 {
+    let places = || (0..answer.height).flat_map(|y| (0..answer.width).map(move |x| (x, y)));
+    let both = places().filter(|&(x, y)| answer.at(x, y) && truth(x, y)).count();
+    let any = places().filter(|&(x, y)| answer.at(x, y) || truth(x, y)).count();
+    both as f64 / any as f64
+}
+
+#[test]
+fn one_click_takes_a_clear_object() {
+    let frame = prepared(&disc_picture(), None);
+    let answer = ask(&*frame, &of_clicks(&[click(90.0, 60.0, true)]), None);
+    assert!(iou(&answer, in_disc) > 0.95, "IoU {}", iou(&answer, in_disc));
+}
+
+#[test]
+fn a_box_takes_the_object_in_it() {
+    let frame = prepared(&disc_picture(), None);
+    let part = PxBox { min_px: DVec2::new(58.0, 28.0), max_px: DVec2::new(122.0, 92.0) };
+    let answer = ask(&*frame, &Prompt { clicks: Vec::new(), boxes: vec![part] }, None);
+    assert!(iou(&answer, in_disc) > 0.95, "IoU {}", iou(&answer, in_disc));
+}
+
+#[test]
+fn a_click_takes_the_whole_of_a_thin_leaf() {
+    let on_leaf = |x: u32, y: u32| (f64::from(x) - 30.0 - 0.5 * f64::from(y)).abs() < 2.5 && (5..115).contains(&y);
+    let image = picture(WIDTH, HEIGHT, |x, y| if on_leaf(x, y) { [90, 150, 50] } else { [120, 105, 100] });
+    let answer = ask(&*prepared(&image, None), &of_clicks(&[click(60.5, 60.5, true)]), None);
+    assert!(iou(&answer, on_leaf) > 0.85, "IoU {}", iou(&answer, on_leaf));
+}
+
+#[test]
+fn depth_separates_what_colour_does_not() {
+    let image = picture(WIDTH, HEIGHT, |x, y| [80 + ((x / 7 + y / 5) % 3 * 20) as u8, 120, 70]);
+    let depths = (0..WIDTH * HEIGHT).map(|at| if in_disc(at % WIDTH, at / WIDTH) { 0.9 } else { 1.3 }).collect();
+    let depth = DepthMap { width: WIDTH, height: HEIGHT, depths };
+    let answer = ask(&*prepared(&image, Some(depth)), &of_clicks(&[click(90.0, 60.0, true)]), None);
+    assert!(iou(&answer, in_disc) > 0.9, "IoU {}", iou(&answer, in_disc));
+}
+
+#[test]
+fn taken_pixels_stay_out() {
+    let image = disc_picture();
+    let taken =
+        Region { width: WIDTH, height: HEIGHT, inside: (0..WIDTH * HEIGHT).map(|at| at % WIDTH < 80).collect() };
+    let answer = ask(&*prepared(&image, None), &of_clicks(&[click(100.0, 60.0, true)]), Some(&taken));
+    assert!(answer.inside.iter().zip(&taken.inside).all(|(answer, taken)| !(answer & taken)));
+    assert!(iou(&answer, |x, y| in_disc(x, y) && x >= 80) > 0.9);
+}
+
+#[test]
+fn a_far_click_leaves_the_previous_answer_as_it_is() {
+    let in_second = |x: u32, y: u32| (5..35).contains(&x) && (5..35).contains(&y);
+    let image = picture(WIDTH, HEIGHT, |x, y| match (in_disc(x, y), in_second(x, y)) {
+        (true, _) => [180, 60, 40],
+        (_, true) => [40, 60, 190],
+        _ => [70, 110, 90],
+    });
+    let frame = prepared(&image, None);
+    let mut previous = Region::empty(WIDTH, HEIGHT);
+    // A ragged mask, as painted by hand.
+    previous.inside.iter_mut().enumerate().for_each(|(at, inside)| {
+        *inside = in_disc(at as u32 % WIDTH, at as u32 / WIDTH) && at % 3 != 0;
+    });
+    let prompt = of_clicks(&[click(90.0, 60.0, true), click(20.0, 20.0, true)]);
+    let request = SegmentRequest { prompt: &prompt, previous: Some(&previous), taken: None };
+    let answer = frame.segment(&request).unwrap();
+    let kept = (0..WIDTH * HEIGHT).filter(|at| at % WIDTH > 50 && in_disc(at % WIDTH, at / WIDTH));
+    let changed = kept.filter(|&at| answer.inside[at as usize] != previous.inside[at as usize]).count();
+    assert!(changed < 200, "{changed} pixels of the first object changed");
+    assert!((6..34).all(|x| answer.at(x, 20)));
+}
+
+#[test]
+fn a_large_picture_is_answered_at_its_own_size() {
+    let inside = |x: u32, y: u32| (f64::from(x) - 901.0).hypot(f64::from(y) - 600.0) < 300.0;
+    let image = picture(1601, 1203, |x, y| if inside(x, y) { [180, 60, 40] } else { [70, 110, 90] });
+    let frame = prepared(&image, None);
+    let answer = ask(&*frame, &of_clicks(&[click(901.0, 600.0, true)]), None);
+    assert!(iou(&answer, inside) > 0.97, "IoU {}", iou(&answer, inside));
+}
+
+#[test]
+fn the_smallest_pictures_have_answers() {
+    for (width, height) in [(1, 1), (1, 7), (9, 1), (2, 2), (5, 4)] {
+        let frame = prepared(&picture(width, height, |x, _| [x as u8 * 20, 80, 90]), None);
+        let answer = ask(&*frame, &of_clicks(&[click(0.5, 0.5, true)]), None);
+        assert!(answer.at(0, 0) && answer.inside.len() == (width * height) as usize);
+    }
+}
+
+#[test]
+fn what_cannot_be_answered_is_said_so() {
+    let frame = prepared(&disc_picture(), None);
+    let fails = |prompt: &Prompt, previous: Option<&Region>| {
+        matches!(frame.segment(&SegmentRequest { prompt, previous, taken: None }), Err(MaskError::Request(_)))
+    };
+    let outside = PxBox { min_px: DVec2::new(200.0, 0.0), max_px: DVec2::new(210.0, 9.0) };
+    assert!(fails(&Prompt::default(), None));
+    assert!(fails(&of_clicks(&[click(-1.0, 5.0, true)]), None));
+    assert!(fails(&of_clicks(&[click(f64::NAN, 5.0, true)]), None));
+    assert!(fails(&Prompt { clicks: Vec::new(), boxes: vec![outside] }, None));
+    assert!(fails(&of_clicks(&[click(5.0, 5.0, true)]), Some(&Region::empty(3, 3))));
+    let wrong = Arc::new(DepthMap { width: 2, height: 2, depths: vec![1.0; 4] });
+    assert!(BuiltinSegmenter.prepare(&disc_picture(), Some(&wrong), &Progress::default()).is_err());
+    let stopped = Progress::default();
+    stopped.stop();
+    assert!(matches!(BuiltinSegmenter.prepare(&disc_picture(), None, &stopped), Err(MaskError::Stopped(_))));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn clicks_hold_and_answers_repeat(
+        places in prop::collection::vec((0.0..f64::from(WIDTH), 0.0..f64::from(HEIGHT), any::<bool>()), 1..7),
+    ) {
+        // One click a pixel: what is both included and excluded cannot hold.
+        let mut clicks: Vec<Click> = Vec::new();
+        for (x, y, include) in places {
+            if clicks.iter().all(|other| other.at_px.distance(DVec2::new(x, y)) > 3.0) {
+                clicks.push(click(x.floor() + 0.5, y.floor() + 0.5, include));
+            }
+        }
+        let frame = prepared(&disc_picture(), None);
+        let mut answer: Option<Region> = None;
+        for count in 1..=clicks.len() {
+            let prompt = of_clicks(&clicks[..count]);
+            let request = SegmentRequest { prompt: &prompt, previous: answer.as_ref(), taken: None };
+            let found = frame.segment(&request).unwrap();
+            prop_assert_eq!(&found, &frame.segment(&request).unwrap());
+            for click in &clicks[..count] {
+                prop_assert_eq!(found.at(click.at_px.x as u32, click.at_px.y as u32), click.include);
+            }
+            answer = Some(found);
+        }
+        let at_once = ask(&*frame, &of_clicks(&clicks), None);
+        prop_assert_eq!(answer, Some(at_once));
+    }
+}

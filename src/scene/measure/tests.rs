@@ -1,0 +1,155 @@
+use glam::{DMat3, DVec3};
+use rand::RngExt;
+use rand_pcg::Pcg32;
+
+use super::*;
+use crate::engine::job::Progress;
+use crate::masks::{Label, LabelId, LabelTree};
+use crate::scene::{LabelledCloud, SceneError};
+
+/// A cloud with labels 1, 2, … called `label 1`, `label 2`, …, moved, turned and scaled to metres from millimetres.
+fn cloud(parts: &[Vec<DVec3>]) -> LabelledCloud {
+    let turn = 0.001 * DMat3::from_euler(glam::EulerRot::XYZ, 0.4, -0.7, 1.1);
+    let mut cloud = LabelledCloud::default();
+    for (k, part) in parts.iter().enumerate() {
+        let id = LabelId(k as u16 + 1);
+        let name = format!("label {}", id.0);
+        cloud.tree.set(Label { id, name, color: LabelTree::color_for(id), parent: None }).unwrap();
+        cloud.positions.extend(part.iter().map(|&x| (turn * x + DVec3::new(0.1, -0.2, 0.3)).as_vec3()));
+        cloud.labels.resize(cloud.positions.len(), id);
+    }
+    cloud.normals.resize(cloud.len(), glam::Vec3::ZERO);
+    cloud.colors.resize(cloud.len(), [0; 3]);
+    cloud.confidence.resize(cloud.len(), 1.0);
+    cloud
+}
+
+/// Points about 1 mm apart on a patch of `size` mm bent by `place`.
+fn patch(size: (f64, f64), place: impl Fn(f64, f64) -> DVec3) -> Vec<DVec3> {
+    let mut dice = Pcg32::new(7, 1);
+    let (columns, rows) = (size.0.round() as usize, size.1.round() as usize);
+    (0..columns * rows)
+        .map(|k| {
+            let mut jitter = || dice.random_range(0.1..0.9);
+            place((k % columns) as f64 + jitter(), (k / columns) as f64 + jitter())
+        })
+        .collect()
+}
+
+/// The part of a tube's surface over `arc` radians between two heights, mm.
+fn tube(radius: f64, arc: f64, (low, high): (f64, f64)) -> Vec<DVec3> {
+    patch((arc * radius, high - low), |u, v| {
+        DVec3::new(radius * (u / radius).cos(), radius * (u / radius).sin(), low + v)
+    })
+}
+
+fn rows(parts: &[Vec<DVec3>]) -> Vec<TraitRow> {
+    measure(&cloud(parts), &MeasureOptions::default(), &Progress::default()).unwrap()
+}
+
+fn value(rows: &[TraitRow], label: &str, instance: usize, name: &str) -> Option<f64> {
+    rows.iter().find(|row| row.label == label && row.instance == instance && row.name == name).map(|row| row.value)
+}
+
+#[track_caller]
+fn assert_near(got: Option<f64>, truth: f64, share: f64) {
+    let got = got.expect("the trait is there");
+    assert!((got / truth - 1.0).abs() <= share, "{got} instead of {truth}");
+}
+
+#[test]
+fn rod() {
+    let rows = rows(&[tube(2.5, std::f64::consts::TAU, (0.0, 200.0))]);
+    assert_near(value(&rows, "label 1", 1, "length"), 0.2, 0.02);
+    assert_near(value(&rows, "label 1", 1, "diameter"), 0.005, 0.03);
+    assert_near(value(&rows, "label 1", 1, "area"), std::f64::consts::TAU * 0.0025 * 0.2, 0.05);
+    assert_near(value(&rows, "label 1", 0, "hull_volume"), std::f64::consts::PI * 0.0025_f64.powi(2) * 0.2, 0.05);
+    assert_near(value(&rows, "label 1", 0, "size_long"), 0.2, 0.02);
+    assert_eq!(value(&rows, "label 1", 0, "instances"), Some(1.0));
+    assert_eq!(value(&rows, "label 1", 1, "width"), None);
+}
+
+#[test]
+fn half_seen_rod_with_a_hidden_middle_is_one() {
+    let mut part = tube(2.5, 3.4, (0.0, 60.0));
+    part.extend(tube(2.5, 3.4, (130.0, 180.0)));
+    part.extend(tube(2.5, 3.4, (250.0, 270.0)));
+    let beside: Vec<DVec3> = tube(2.5, 3.4, (0.0, 120.0)).into_iter().map(|x| x + 40.0 * DVec3::X).collect();
+    let rows = rows(&[[part, beside].concat()]);
+    assert_eq!(value(&rows, "label 1", 0, "instances"), Some(2.0));
+    let lengths: Vec<f64> = rows.iter().filter(|row| row.name == "length").map(|row| row.value).collect();
+    assert!(lengths.iter().any(|length| (length - 0.270).abs() < 0.006), "{lengths:?}");
+    assert_near(value(&rows, "label 1", 1, "diameter"), 0.005, 0.05);
+}
+
+#[test]
+fn ribbon() {
+    let bent = |u: f64, v: f64| DVec3::new(u - 5.0, 80.0 * (v / 80.0).cos(), 80.0 * (v / 80.0).sin());
+    let rows = rows(&[patch((10.0, 200.0), bent)]);
+    assert_near(value(&rows, "label 1", 1, "length"), 0.2, 0.02);
+    assert_near(value(&rows, "label 1", 1, "width"), 0.01, 0.06);
+    assert_near(value(&rows, "label 1", 1, "area"), 0.002, 0.06);
+    assert_eq!(value(&rows, "label 1", 1, "diameter"), None);
+}
+
+#[test]
+fn instances_are_counted_and_crumbs_are_not() {
+    let shifted = |by: f64, count: f64| patch((8.0, count), move |u, v| DVec3::new(u + by, v, 0.0));
+    let rows = rows(&[[shifted(0.0, 90.0), shifted(30.0, 50.0), shifted(60.0, 3.0)].concat()]);
+    assert_eq!(value(&rows, "label 1", 0, "instances"), Some(2.0));
+    assert_near(value(&rows, "label 1", 1, "length"), 0.09, 0.06);
+    assert_near(value(&rows, "label 1", 2, "length"), 0.05, 0.08);
+    assert_eq!(value(&rows, "label 1", 0, "points"), Some(8.0 * 143.0));
+}
+
+#[test]
+fn insertion() {
+    let stem = tube(2.5, std::f64::consts::TAU, (0.0, 150.0));
+    let (sin, cos) = 35_f64.to_radians().sin_cos();
+    let blade = patch((10.0, 100.0), |u, v| DVec3::new(2.5 + v * sin, u - 5.0, 60.0 + v * cos));
+    let rows = rows(&[stem, blade]);
+    let angle = value(&rows, "label 2", 1, "insertion_angle").unwrap();
+    assert!((angle - 35.0).abs() < 2.0, "{angle}");
+    assert_eq!(value(&rows, "label 1", 1, "insertion_angle"), None);
+}
+
+#[test]
+fn a_level_gathers_what_is_below() {
+    let mut cloud = cloud(&[Vec::new(), tube(2.5, 6.2, (0.0, 60.0)), tube(2.5, 6.2, (90.0, 150.0))]);
+    for id in [2, 3] {
+        let label = cloud.tree.get(LabelId(id)).unwrap().clone();
+        cloud.tree.set(Label { parent: Some(LabelId(1)), ..label }).unwrap();
+    }
+    let at = |level| {
+        let options = MeasureOptions { level, ..MeasureOptions::default() };
+        measure(&cloud, &options, &Progress::default()).unwrap()
+    };
+    let labels = |rows: &[TraitRow]| rows.iter().map(|row| row.path.clone()).collect::<std::collections::BTreeSet<_>>();
+    assert_eq!(labels(&at(Some(1))).into_iter().collect::<Vec<_>>(), ["label 1"]);
+    assert_near(value(&at(Some(1)), "label 1", 1, "length"), 0.15, 0.03);
+    assert_eq!(labels(&at(Some(2))).len(), 2);
+    assert_eq!(labels(&at(None)).len(), 3);
+}
+
+#[test]
+fn odd_clouds_do_no_harm() {
+    let measured = |points: Vec<DVec3>| measure(&cloud(&[points]), &MeasureOptions::default(), &Progress::default());
+    for odd in [vec![DVec3::ONE], vec![DVec3::ONE; 200], vec![DVec3::NAN, DVec3::ZERO, DVec3::X]] {
+        let rows = measured(odd).unwrap();
+        assert!(rows.iter().all(|row| row.value.is_finite()), "{rows:?}");
+    }
+    let line = (0..200).map(|k| f64::from(k) * DVec3::X).collect();
+    assert!(measured(line).unwrap().iter().all(|row| row.value.is_finite()));
+    assert!(matches!(measured(Vec::new()), Err(SceneError::Request(_))));
+    let options = MeasureOptions { link: 0.0, ..MeasureOptions::default() };
+    let refused = measure(&cloud(&[vec![DVec3::ONE; 9]]), &options, &Progress::default());
+    assert!(refused.unwrap_err().to_string().contains("link"));
+}
+
+#[test]
+fn stops() {
+    let progress = Progress::default();
+    progress.stop();
+    let stopped = measure(&cloud(&[tube(2.5, 6.0, (0.0, 50.0))]), &MeasureOptions::default(), &progress);
+    assert!(matches!(stopped, Err(SceneError::Stopped(_))));
+}

@@ -1,0 +1,183 @@
+use glam::DVec3;
+
+use super::area::surface_areas;
+use super::body::{Body, Trait, extent_traits};
+use super::bridge::join_rods;
+use super::grid::{components, median_spacing, thinned};
+use super::insertion::insertion_angle;
+use super::table::{Dimension, TraitRow};
+use crate::engine::job::{Progress, Stopped};
+use crate::masks::{LabelId, LabelTree};
+use crate::scene::{LabelledCloud, SceneError};
+
+/// How traits are measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasureOptions {
+    /// Only labels at this depth of the tree (1 = top), deeper ones counted as theirs; `None` = every label that has
+    /// points, itself or below it.
+    pub level: Option<usize>,
+    /// Points at most this many spacings (median distances to the nearest neighbour) apart hang together, 1.5–10.
+    pub link: f64,
+    /// Groups of fewer points are no instance, 4–1 000 000.
+    pub min_points: usize,
+    /// Rods are joined across gaps up to this many times their common length, 0–10.
+    pub bridge: f64,
+    /// Insertion angles are taken over this length of the blade, in world units, above 0; 30 mm in a metric cloud.
+    pub insertion_reach: f64,
+}
+
+impl Default for MeasureOptions {
+    fn default() -> Self {
+        Self { level: None, link: 3.0, min_points: 50, bridge: 1.5, insertion_reach: 0.03 }
+    }
+}
+
+/// More points of a label than this are thinned first.
+const MOST_POINTS: usize = 200_000;
+
+/// A label with its instances.
+struct Measured {
+    id: LabelId,
+    count: usize,
+    /// All its points, thinned.
+    points: Vec<DVec3>,
+    area: f64,
+    bodies: Vec<Body>,
+}
+
+/// Measures every label of a cloud: number of points and instances, area, hull volume and sizes of the whole
+/// (instance 0) and of each instance (1 = the one with the most points), length along the middle line, diameter of
+/// rods, width of sheets, and the angle at which a sheet leaves a rod. Rows are ordered by label id, then instance.
+///
+/// # Errors
+/// [`SceneError::Request`] for an option out of range or a cloud without labelled points, [`SceneError::Stopped`].
+pub fn measure(
+    cloud: &LabelledCloud,
+    options: &MeasureOptions,
+    progress: &Progress,
+) -> Result<Vec<TraitRow>, SceneError> {
+    options.check()?;
+    progress.stage("measure")?;
+    let ids: Vec<LabelId> =
+        cloud.tree.iter().map(|label| label.id).filter(|&id| wanted(&cloud.tree, id, options)).collect();
+    let mut labels = Vec::new();
+    for (k, &id) in ids.iter().enumerate() {
+        progress.step(k, 2 * ids.len())?;
+        let points = points_of(cloud, id);
+        if !points.is_empty() {
+            labels.push(Measured::new(id, &points, options, progress)?);
+        }
+    }
+    if labels.is_empty() {
+        return Err(SceneError::Request(
+            "the cloud has no labelled points to measure; fuse masks into it first".into(),
+        ));
+    }
+    let mut rows = Vec::new();
+    for (k, label) in labels.iter().enumerate() {
+        progress.step(ids.len() + k, ids.len() + labels.len())?;
+        let rods = || labels.iter().filter(|other| !related(&cloud.tree, other.id, label.id)).flat_map(Measured::rods);
+        for (instance, traits) in label.traits(rods, options).into_iter().enumerate() {
+            rows.extend(traits.into_iter().map(|found| row(&cloud.tree, label.id, instance, found)));
+        }
+    }
+    Ok(rows)
+}
+
+impl MeasureOptions {
+    fn check(&self) -> Result<(), SceneError> {
+        let ranges = [
+            ("link", self.link, 1.5, 10.0),
+            ("smallest instance in points", self.min_points as f64, 4.0, 1e6),
+            ("bridge", self.bridge, 0.0, 10.0),
+            ("length for insertion angles", self.insertion_reach, f64::MIN_POSITIVE, f64::MAX),
+        ];
+        match ranges.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
+            Some((what, value, low, high)) => {
+                Err(SceneError::Request(format!("the {what} is {value}; choose {low} to {high}")))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+fn wanted(tree: &LabelTree, id: LabelId, options: &MeasureOptions) -> bool {
+    let depth = tree.depth(id);
+    let is_leaf = || !tree.iter().any(|label| label.parent == Some(id));
+    options.level.is_none_or(|level| depth == level.max(1) || (depth < level && is_leaf()))
+}
+
+/// Points whose label is `id` or, in the tree, below it. A point with a coordinate that is not finite is left out.
+fn points_of(cloud: &LabelledCloud, id: LabelId) -> Vec<DVec3> {
+    let mut counts = vec![false; usize::from(u16::MAX) + 1];
+    for label in cloud.tree.iter().filter(|label| cloud.tree.path(label.id).contains(&id)) {
+        counts[usize::from(label.id.0)] = true;
+    }
+    let labelled = cloud.positions.iter().zip(&cloud.labels);
+    labelled.filter(|(x, label)| counts[usize::from(label.0)] && x.is_finite()).map(|(x, _)| x.as_dvec3()).collect()
+}
+
+/// Whether one label is the other or lies above it.
+fn related(tree: &LabelTree, a: LabelId, b: LabelId) -> bool {
+    tree.path(a).contains(&b) || tree.path(b).contains(&a)
+}
+
+fn row(tree: &LabelTree, id: LabelId, instance: usize, (name, (value, dimension), definition): Trait) -> TraitRow {
+    let label = tree.get(id).map_or_else(String::new, |label| label.name.clone());
+    TraitRow { label, path: TraitRow::path_of(tree, id), instance, name, value, dimension, definition }
+}
+
+impl Measured {
+    fn new(id: LabelId, all: &[DVec3], options: &MeasureOptions, progress: &Progress) -> Result<Self, Stopped> {
+        let mut least = median_spacing(all);
+        let mut points = if least > 0.0 { thinned(all, least) } else { all.to_vec() };
+        while points.len() > MOST_POINTS && least > 0.0 {
+            progress.check()?;
+            least *= (points.len() as f64 / MOST_POINTS as f64).sqrt().max(1.1);
+            points = thinned(&points, least);
+        }
+        let spacing = median_spacing(&points);
+        let areas = surface_areas(&points, spacing, progress)?;
+        let mut bodies = Vec::new();
+        if spacing > 0.0 {
+            let reach = options.link * spacing;
+            for group in components(&points, reach).into_iter().filter(|group| group.len() >= options.min_points) {
+                progress.check()?;
+                let surface = (group.iter().map(|&k| points[k]).collect(), group.iter().map(|&k| areas[k]).sum());
+                bodies.push(Body::new(surface, spacing, reach, progress)?);
+            }
+        }
+        Ok(Self { id, count: all.len(), points, area: areas.iter().sum(), bodies: join_rods(bodies, options.bridge) })
+    }
+
+    fn rods(&self) -> impl Iterator<Item = &Body> {
+        self.bodies.iter().filter(|body| body.diameter().is_some())
+    }
+
+    /// Traits of the whole, then of each instance.
+    fn traits<'a, I: Iterator<Item = &'a Body>>(
+        &self,
+        rods: impl Fn() -> I,
+        options: &MeasureOptions,
+    ) -> Vec<Vec<Trait>> {
+        let mut whole: Vec<Trait> = vec![
+            ("points", (self.count as f64, Dimension::Count), "number of points with the label or one below it"),
+            (
+                "instances",
+                (self.bodies.len() as f64, Dimension::Count),
+                "number of groups of points that hang together",
+            ),
+        ];
+        whole.extend(extent_traits(&self.points, self.area));
+        let mut traits = vec![whole];
+        for body in &self.bodies {
+            let mut own = body.traits();
+            if let Some(angle) = insertion_angle(body, rods(), options.insertion_reach) {
+                let definition = "angle between the first part of the sheet and the rod that it leaves, 0 to 90";
+                own.push(("insertion_angle", (angle, Dimension::Angle), definition));
+            }
+            traits.push(own);
+        }
+        traits
+    }
+}

@@ -1,0 +1,174 @@
+use glam::{DVec3, Vec3};
+
+use super::super::part::{Assembly, Part};
+use super::super::tiller::build_tiller;
+use super::*;
+
+fn parts<'a>(assembly: &'a Assembly, ending: &str) -> Vec<&'a Part> {
+    let named = |part: &&Part| assembly.tree.get(part.label).is_some_and(|label| label.name.ends_with(ending));
+    assembly.parts.iter().filter(named).collect()
+}
+
+fn organ_points<'a>(assembly: &'a Assembly) -> impl Iterator<Item = DVec3> + 'a {
+    let organs = assembly.parts.iter().filter(|part| part.label != LabelId::NONE);
+    organs.flat_map(|part| part.mesh.positions.iter().copied())
+}
+
+/// Lengths of the rows of a patch with `columns` cells a row.
+fn row_lengths(part: &Part, columns: usize) -> Vec<f64> {
+    let rows = part.mesh.positions.chunks(columns + 1);
+    rows.map(|row| row.windows(2).map(|pair| pair[0].distance(pair[1])).sum()).collect()
+}
+
+#[test]
+fn plant_has_the_promised_dimensions() {
+    for seed in 1..=6 {
+        let assembly = build_tiller(seed);
+        let (low, high) = organ_points(&assembly).fold((f64::MAX, 0.0_f64), |(l, h), x| (l.min(x.z), h.max(x.z)));
+        assert!((high - 0.6).abs() < 1e-4 && low > -1e-3, "{low} {high}");
+        let stems: Vec<&Part> = ["stem 1", "stem 2", "stem 3"].iter().flat_map(|name| parts(&assembly, name)).collect();
+        assert_eq!(stems.len(), 3);
+        for stem in stems {
+            // Rows of 24 corners and the seam; the last two rows are the cap.
+            let rows: Vec<&[DVec3]> = stem.mesh.positions.chunks(25).collect();
+            for row in &rows[..rows.len() - 2] {
+                let diameter = row[0].distance(row[12]);
+                assert!((0.004..=0.006).contains(&diameter), "{diameter}");
+            }
+        }
+        let blades = parts(&assembly, "blade");
+        assert_eq!(blades.len(), 8);
+        for blade in blades {
+            let widest = row_lengths(blade, 10).into_iter().fold(0.0, f64::max);
+            assert!((0.008..=0.015).contains(&widest), "{widest}");
+        }
+    }
+}
+
+#[test]
+fn sheaths_wrap_their_culm() {
+    let assembly = build_tiller(4);
+    let stems: Vec<&Part> = ["stem 1", "stem 2", "stem 3"].iter().flat_map(|name| parts(&assembly, name)).collect();
+    let sheaths = parts(&assembly, "sheath");
+    assert_eq!(sheaths.len(), 8);
+    for sheath in sheaths {
+        for row in sheath.mesh.positions.chunks(31).skip(2) {
+            let centre = row[..30].iter().sum::<DVec3>() / 30.0;
+            let near = stems.iter().flat_map(|stem| &stem.mesh.positions).map(|x| x.distance(centre));
+            assert!(near.fold(f64::MAX, f64::min) < 0.0035, "no culm inside");
+            let turn: f64 = row.windows(2).map(|p| (p[0] - centre).angle_between(p[1] - centre)).sum();
+            assert!(turn > std::f64::consts::TAU, "{turn}");
+            assert!(row.iter().all(|x| x.distance(centre) < 0.006));
+        }
+    }
+}
+
+#[test]
+fn grains_lie_apart() {
+    for seed in 1..=4 {
+        let assembly = build_tiller(seed);
+        let grains = parts(&assembly, "panicle grains");
+        assert!(grains.len() >= 60, "{}", grains.len());
+        let centres: Vec<DVec3> = grains
+            .iter()
+            .map(|grain| grain.mesh.positions.iter().sum::<DVec3>() / grain.mesh.positions.len() as f64)
+            .collect();
+        for (k, grain) in grains.iter().enumerate() {
+            let points = &grain.mesh.positions;
+            let length = points.iter().map(|x| x.distance(points[0])).fold(0.0, f64::max);
+            assert!((length - 0.007).abs() < 1e-5, "{length}");
+            let (tail, axis) = (points[0], (points[points.len() - 1] - points[0]).normalize());
+            let off_axis = |x: &DVec3| 2.0 * (*x - tail).reject_from_normalized(axis).length();
+            let width = points.iter().map(off_axis).fold(0.0, f64::max);
+            assert!((width - 0.003).abs() < 1e-4, "{width}");
+            for other in (0..k).filter(|&other| centres[other].distance(centres[k]) < 0.0085) {
+                let gaps = points.iter().flat_map(|a| grains[other].mesh.positions.iter().map(|b| a.distance(*b)));
+                assert!(gaps.fold(f64::MAX, f64::min) >= 0.001);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_plant_fills_the_height_of_every_view() {
+    for seed in 1..=3 {
+        let scene = built(&SceneOptions { views: 5, seed, ..SceneOptions::default() });
+        for view in scene.views() {
+            let mask = scene.render(view).mask;
+            let has_label = |&row: &u32| (0..mask.width).any(|column| mask.at(column, row) != LabelId::NONE);
+            let rows: Vec<u32> = (0..mask.height).filter(has_label).collect();
+            let span = rows[rows.len() - 1] - rows[0];
+            assert!(span > mask.height * 80 / 100, "{span}");
+            assert!(rows[0] > 0, "the plant is cut off at the top");
+        }
+    }
+}
+
+/// CIE 1976 L*a*b* of an sRGB colour, D65.
+fn lab(srgb: Vec3) -> Vec3 {
+    let linear = srgb.map(|v| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) });
+    let xyz = Vec3::new(
+        linear.dot(Vec3::new(0.4124, 0.3576, 0.1805)) / 0.950_47,
+        linear.dot(Vec3::new(0.2126, 0.7152, 0.0722)),
+        linear.dot(Vec3::new(0.0193, 0.1192, 0.9505)) / 1.088_83,
+    );
+    let f = xyz.map(|v| if v > 0.008_856 { v.cbrt() } else { 7.787 * v + 16.0 / 116.0 });
+    Vec3::new(116.0 * f.y - 16.0, 500.0 * (f.x - f.y), 200.0 * (f.y - f.z))
+}
+
+#[test]
+fn leaf_and_stem_are_alike_in_colour() {
+    for seed in 1..=4 {
+        let scene = built(&small(seed));
+        let mut sums = std::collections::BTreeMap::<String, (Vec3, f32)>::new();
+        for view in scene.views() {
+            let rendered = scene.render(view);
+            for (pixel, &id) in rendered.image.pixels.iter().zip(&rendered.mask.ids) {
+                let sum = sums.entry(class(scene.tree(), id)).or_default();
+                *sum = (sum.0 + Vec3::from(pixel.map(f32::from)) / 255.0, sum.1 + 1.0);
+            }
+        }
+        let mean = |name: &str| lab(sums[name].0 / sums[name].1);
+        let difference = mean("leaf").distance(mean("stem"));
+        assert!(difference < 12.0, "seed {seed}: ΔE {difference}");
+        assert!(mean("panicle").distance(mean("leaf")) > 5.0);
+    }
+}
+
+#[test]
+fn equal_seeds_make_equal_scenes_and_others_do_not() {
+    let seen = |seed| {
+        let scene = built(&small(seed));
+        let cloud = scene.cloud(&TruthOptions { spacing_m: 0.003, ..TruthOptions::default() }, &Progress::default());
+        (scene.render(&scene.views[0]), scene.traits().to_vec(), cloud.unwrap())
+    };
+    let (first, again, other) = (seen(1), seen(1), seen(2));
+    assert!(first == again);
+    assert_ne!(first.0.mask, other.0.mask);
+    assert_ne!(first.0.image, other.0.image);
+    assert_ne!(first.1, other.1);
+}
+
+#[test]
+fn trees_have_the_promised_classes() {
+    let classes = |scene| {
+        let scene = built(&SceneOptions { scene, ..small(1) });
+        let at_class = scene.tree().iter().filter(|label| scene.tree().depth(label.id) == Scene::CLASS_LEVEL);
+        at_class.map(|label| label.name.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(classes(SceneKind::Tiller), ["stem", "leaf", "panicle"]);
+    assert_eq!(classes(SceneKind::Bricks), ["brick", "vase", "ball", "box"]);
+}
+
+#[test]
+fn bricks_are_seen_whole() {
+    let scene = built(&SceneOptions { scene: SceneKind::Bricks, ..small(7) });
+    let mut seen = std::collections::BTreeSet::new();
+    for view in scene.views() {
+        let rendered = scene.render(view);
+        seen.extend(rendered.mask.ids.iter().copied());
+        assert!(rendered.depth.depths.iter().all(|&depth| depth > 0.0), "there is a surface behind every pixel");
+    }
+    let parts = scene.tree().iter().filter(|label| label.name != "still life" && label.name != "brick");
+    assert!(parts.into_iter().all(|label| seen.contains(&label.id)));
+}
