@@ -116,6 +116,7 @@ fn exports(session: &mut Session, folder: &Path) {
         cameras: Some(out.join("sparse")),
         masks: Some(out.join("masks")),
         depths: Some(out.join("depths")),
+        traits: Some(out.join("traits.csv")),
         twin: true,
         per_label: true,
         ..ExportRequest::default()
@@ -124,9 +125,13 @@ fn exports(session: &mut Session, folder: &Path) {
     for name in ["cloud.ply", "cloud_labels.ply", "cloud_bunny.ply", "sparse/images.txt", "masks/000003.png"] {
         assert!(out.join(name).is_file(), "{name}");
     }
-    let depth = image::open(out.join("depths/000003.tiff")).unwrap().into_rgb32f();
-    assert_eq!(depth.dimensions(), (640, 480));
-    assert!(depth.pixels().any(|pixel| (0.2..3.0).contains(&pixel[0])), "depth in metres");
+    let file = std::fs::File::open(out.join("depths/000003.tiff")).unwrap();
+    let mut depth = tiff::decoder::Decoder::new(file).unwrap();
+    assert_eq!(depth.dimensions().unwrap(), (640, 480));
+    let tiff::decoder::DecodingResult::F32(depth) = depth.read_image().unwrap() else { panic!("32-bit floats") };
+    assert!(depth.iter().any(|depth| (0.2..3.0).contains(depth)), "depth in metres");
+    let traits = std::fs::read_to_string(out.join("traits.csv")).unwrap();
+    assert!(traits.contains("bunny"), "{traits}");
     let mesh = ExportRequest { mesh: Some(out.join("mesh.ply")), ..ExportRequest::default() };
     let error = perform(session, Command::Export(mesh)).unwrap_err().to_string();
     assert!(error.contains("has no mesh"), "{error}");
