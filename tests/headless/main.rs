@@ -18,4 +18,6 @@ mod frames;
 mod masks;
 mod fuse;
 #[cfg(test)]
+mod session;
+#[cfg(test)]
 mod shared;
