@@ -14,8 +14,8 @@ mod crash;
 mod films;
 #[cfg(test)]
 mod frames;
+mod fuse;
 #[cfg(test)]
 mod masks;
-mod fuse;
 #[cfg(test)]
 mod shared;
