@@ -59,7 +59,7 @@ impl Shortcuts {
     #[must_use]
     pub fn tip(&self, ctx: &egui::Context, action: Action) -> String {
         match self.keys(action) {
-            Some(keys) => format!("{} ({})", action.tip(), ctx.format_shortcut(&keys)),
+            Some(keys) => format!("{} ({})", action.tip(), written(ctx, keys)),
             None => action.tip().into(),
         }
     }
@@ -67,7 +67,7 @@ impl Shortcuts {
     /// The keys as text; empty without any.
     #[must_use]
     pub fn text(&self, ctx: &egui::Context, action: Action) -> String {
-        self.keys(action).map_or_else(String::new, |keys| ctx.format_shortcut(&keys))
+        self.keys(action).map_or_else(String::new, |keys| written(ctx, keys))
     }
 }
 
@@ -76,6 +76,18 @@ pub(super) fn pressed_keys(event: &Event) -> Option<KeyboardShortcut> {
     let Event::Key { key, pressed: true, repeat, modifiers, .. } = event else { return None };
     let repeatable = matches!(key, Key::ArrowLeft | Key::ArrowRight | Key::OpenBracket | Key::CloseBracket | Key::Z);
     (!repeat || repeatable).then_some(KeyboardShortcut::new(*modifiers, *key))
+}
+
+/// Keys as they are printed on a keyboard.
+fn written(ctx: &egui::Context, keys: KeyboardShortcut) -> String {
+    let sign = match keys.logical_key {
+        Key::Questionmark => "?",
+        Key::OpenBracket => "[",
+        Key::CloseBracket => "]",
+        Key::Escape => "Esc",
+        _ => return ctx.format_shortcut(&keys),
+    };
+    ctx.format_shortcut(&keys).replace(keys.logical_key.name(), sign)
 }
 
 /// Whether two shortcuts are the same keys. A sign that needs Shift on some keyboards (`?`) is the same with and

@@ -44,14 +44,14 @@ impl Window {
     fn new(cc: &eframe::CreationContext<'_>, path: Option<PathBuf>) -> Self {
         set_theme(&cc.egui_ctx);
         let prefs: Prefs = cc.storage.and_then(|storage| eframe::get_value(storage, PREFS)).unwrap_or_default();
-        let mut window = Self::with(Shell::new(prefs, cc.wgpu_render_state.as_ref()), &cc.egui_ctx);
+        let mut window = Self::with(Shell::new(prefs, cc.wgpu_render_state.as_ref()), Recent::load(), &cc.egui_ctx);
         window.begin_with(path);
         window
     }
 
     /// A window around a shell, with nothing open.
     #[must_use]
-    pub fn with(shell: Shell, ctx: &Context) -> Self {
+    pub fn with(shell: Shell, recent: Recent, ctx: &Context) -> Self {
         let mut session = Session::new();
         let waker = ctx.clone();
         session.set_waker(move || waker.request_repaint());
@@ -62,7 +62,7 @@ impl Window {
             pictures: None,
             pictured: Arc::default(),
             engines: engines(),
-            recent: Recent::load(),
+            recent,
             title: String::new(),
         }
     }

@@ -4,8 +4,8 @@ use anyhow::{Result, bail, ensure};
 
 use super::{Project, TrackSettings};
 use crate::masks::builtin::BuiltinSegmenter;
-use crate::scene::GeometryTracker;
 use crate::masks::{Segmenter, Tracker};
+use crate::scene::GeometryTracker;
 
 /// What an engine is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -17,3 +17,5 @@ mod gallery;
 mod keys;
 #[cfg(test)]
 mod panels;
+#[cfg(test)]
+mod story;

@@ -133,8 +133,14 @@ fn kitchen() {
     let mask = |_: usize| None;
     let views = ProjectViews { frames: &frames, store: &store, masks: &mask };
     let outliers = option("OUT", 0.0);
-    let options = FuseOptions { voxel: Some(option("VOXEL", 0.01)), edge_tolerance: option("EDGE", 0.02) as f32, min_views: option("VIEWS", 1.0) as u32,
-        outliers: (outliers > 0.0).then_some(ostra::scene::points::OutlierOptions { neighbours: 16, std_ratio: outliers }), ..FuseOptions::default() };
+    let options = FuseOptions {
+        voxel: Some(option("VOXEL", 0.01)),
+        edge_tolerance: option("EDGE", 0.02) as f32,
+        min_views: option("VIEWS", 1.0) as u32,
+        outliers: (outliers > 0.0)
+            .then_some(ostra::scene::points::OutlierOptions { neighbours: 16, std_ratio: outliers }),
+        ..FuseOptions::default()
+    };
     let start = std::time::Instant::now();
     let fused = fuse(&views, &LabelTree::default(), &options, &Progress::default()).unwrap();
     println!("{:?} {:#?}", start.elapsed(), fused.report);

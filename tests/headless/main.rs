@@ -14,10 +14,9 @@ mod crash;
 mod films;
 #[cfg(test)]
 mod frames;
-#[cfg(test)]
-mod masks;
 mod fuse;
 #[cfg(test)]
 mod session;
+mod masks;
 #[cfg(test)]
 mod shared;

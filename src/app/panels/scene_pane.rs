@@ -204,8 +204,18 @@ fn bounds(look: &Look<'_>) -> Option<Bounds> {
 fn framing(look: &Look<'_>, aspect: f32) -> Option<Orbit> {
     match look.cloud {
         Some(cloud) => default_view(&thinned(cloud), &look.project.frames, aspect),
-        None => Some(Orbit::framing(&bounds(look)?, Vec3::new(0.4, 0.5, 1.0), Vec3::NEG_Y)),
+        None => cameras_view(look),
     }
+}
+
+/// All cameras from behind, a little from above and from the side, upright as they stood.
+fn cameras_view(look: &Look<'_>) -> Option<Orbit> {
+    let poses = look.project.frames.iter().filter_map(Frame::posed_camera);
+    let rotations: Vec<_> = poses.map(|(_, pose)| pose.rotation.as_quat().conjugate()).collect();
+    let mean = |axis: Vec3| rotations.iter().map(|&world_from_camera| world_from_camera * axis).sum::<Vec3>();
+    let up = mean(Vec3::NEG_Y).try_normalize().unwrap_or(Vec3::NEG_Y);
+    let forward = mean(Vec3::Z).try_normalize().unwrap_or(Vec3::Z);
+    Some(Orbit::framing(&bounds(look)?, forward + 0.5 * forward.cross(up) - 0.4 * up, up))
 }
 
 /// Indices of an evenly spread part of the points, enough to know where the cloud lies.

@@ -1,0 +1,102 @@
+//! The window with a real session behind it.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use ostra::app::{Prefs, Shell, Window};
+use ostra::frames::{FrameFolder, OpenRequest};
+use ostra::masks::LabelId;
+use ostra::session::{Command, NewProject, Recent};
+
+type Shown = Harness<'static, Option<Window>>;
+
+fn window() -> Shown {
+    let mut harness = Harness::builder().with_size(egui::vec2(1200.0, 800.0)).build_ui_state(
+        |ui, window: &mut Option<Window>| {
+            let window = window
+                .get_or_insert_with(|| Window::with(Shell::new(Prefs::default(), None), Recent::default(), ui.ctx()));
+            window.poll(ui.ctx());
+            window.show(ui);
+        },
+        None,
+    );
+    harness.run_steps(2);
+    harness
+}
+
+fn inner(harness: &mut Shown) -> &mut Window {
+    harness.state_mut().as_mut().unwrap()
+}
+
+/// Lets the window live until something is true.
+fn until(harness: &mut Shown, what: &str, mut is_true: impl FnMut(&mut Shown) -> bool) {
+    let begun = Instant::now();
+    while !is_true(harness) {
+        assert!(begun.elapsed() < Duration::from_secs(30), "waited in vain: {what}");
+        harness.run_steps(1);
+        std::thread::park_timeout(Duration::from_millis(5));
+    }
+    harness.run_steps(2);
+}
+
+/// Three pictures: a bright square on a dark ground.
+fn pictures(dir: &Path) {
+    for number in 0..3_u32 {
+        let square = |x: u32, y: u32| (30..60).contains(&(x - number * 3)) && (20..50).contains(&y);
+        let pixel =
+            |x, y| if x >= number * 3 && square(x, y) { image::Rgb([230, 220, 60]) } else { image::Rgb([40, 50, 70]) };
+        image::RgbImage::from_fn(96, 72, pixel).save(dir.join(format!("{number}.png"))).unwrap();
+    }
+}
+
+fn open(harness: &mut Shown, dir: &Path) {
+    pictures(dir);
+    let sources = vec![FrameFolder { frames: dir.to_owned(), depth: None }];
+    let open = OpenRequest { sources, depth_unit: 0.001, every: 1, from: None, to: None };
+    let root = dir.join("project");
+    inner(harness).act(Command::New(NewProject { root, open, cameras: None, intrinsics: None }));
+    until(harness, "the project is open", |harness| harness.query_by_label("Frame 2, no mask").is_some());
+}
+
+#[test]
+fn a_click_makes_an_anchor_and_undo_takes_it_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = window();
+    open(&mut harness, dir.path());
+    let pane = harness.get_by_label("Picture 0.png").rect();
+    for pressed in [true, false] {
+        let (pos, button) = (pane.center() - egui::vec2(3.0, 3.0), egui::PointerButton::Primary);
+        harness.hover_at(pos);
+        harness.event(egui::Event::PointerButton { pos, button, pressed, modifiers: egui::Modifiers::NONE });
+        harness.run_steps(1);
+    }
+    until(&mut harness, "frame 0 is an anchor", |harness| harness.query_by_label("Frame 0, anchor").is_some());
+    let project = inner(&mut harness).session().project().unwrap().clone();
+    let area = project.masks[&0].runs.decode().ids.iter().filter(|&&id| id == LabelId(1)).count();
+    assert!((600..1300).contains(&area), "the square has 900 pixels: {area}");
+    assert_eq!(project.labels.get(LabelId(1)).unwrap().name, "object 1");
+    harness.get_by_label("Undo").click();
+    until(&mut harness, "frame 0 has no mask", |harness| harness.query_by_label("Frame 0, no mask").is_some());
+}
+
+#[test]
+fn what_cannot_be_opened_is_told_once_with_what_to_do() {
+    let mut harness = window();
+    inner(&mut harness).act(Command::Open("/nowhere/at/all".into()));
+    until(&mut harness, "an error is shown", |harness| harness.query_by_label("Error").is_some());
+    let notices = inner(&mut harness).shell().view.notices.shown().to_vec();
+    assert_eq!(notices.len(), 1);
+    assert!(notices[0].text.contains("/nowhere/at/all"), "{}", notices[0].text);
+}
+
+#[test]
+fn closing_brings_the_first_page_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = window();
+    open(&mut harness, dir.path());
+    inner(&mut harness).act(Command::Close);
+    until(&mut harness, "nothing is open", |harness| harness.query_by_label("Frame 0, no mask").is_none());
+    assert!(harness.query_by_label("New project from frames…").is_some());
+}
