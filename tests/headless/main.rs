@@ -15,8 +15,8 @@ mod films;
 #[cfg(test)]
 mod frames;
 mod fuse;
+mod masks;
 #[cfg(test)]
 mod session;
-mod masks;
 #[cfg(test)]
 mod shared;

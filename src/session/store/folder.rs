@@ -92,7 +92,14 @@ impl Folder {
         let lock = Lock::take(root)?;
         let journal = Journal::open(&root.join("journal.jsonl"), &ReadRecords::default())?;
         manifest::write(root, project, 0)?;
-        Ok(Self { root: root.to_owned(), journal, seq: 0, written: Written::default(), due_bytes: JOURNAL_BYTES, _lock: lock })
+        Ok(Self {
+            root: root.to_owned(),
+            journal,
+            seq: 0,
+            written: Written::default(),
+            due_bytes: JOURNAL_BYTES,
+            _lock: lock,
+        })
     }
 
     /// Opens the project in `root`: the last checkpoint, then the journal.
