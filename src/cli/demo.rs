@@ -2,6 +2,7 @@ use anyhow::{Context, Result, bail};
 
 use super::args::{DemoArgs, DemoMethod, SceneName};
 use super::drive::ProgressLines;
+use super::print::say;
 use crate::scene::synthetic::{SceneKind, SceneOptions};
 use crate::session::Session;
 use crate::session::demo::{DemoOptions, run_demo};
@@ -29,8 +30,8 @@ pub(super) fn demo(args: &DemoArgs) -> Result<()> {
     session.save()?;
     draw(&session, args)?;
     drop(session);
-    print!("{}", report.table());
-    println!("\nresults in {}: cloud.ply, shot.png, report.json, truth/, project/", args.out.display());
+    say(&report.table());
+    say(&format!("\nresults in {}: cloud.ply, shot.png, report.json, truth/, project/\n", args.out.display()));
     if args.headless || !has_display() { Ok(()) } else { crate::app::run(Some(args.out.join("project"))) }
 }
 
@@ -38,7 +39,7 @@ fn draw(session: &Session, args: &DemoArgs) -> Result<()> {
     let cloud = session.cloud().context("the cloud is missing")?;
     let project = session.project().context("the project is missing")?;
     let options = ShotOptions { size: (960, 1280), coloring: Coloring::Label, ..ShotOptions::default() };
-    let picture = shot(&cloud, &project.frames, &options)?;
+    let picture = shot(cloud, &project.frames, &options)?;
     Ok(write_png(&args.out.join("shot.png"), &picture)?)
 }
 

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 
+use super::print::say;
 use crate::scene::LabelledCloud;
 use crate::session::{Command, Event, JobView, Project, Session};
 
@@ -75,7 +76,7 @@ fn report(events: Vec<Event>) -> Result<()> {
     for event in events {
         match event {
             Event::Warning(text) => eprintln!("warning: {text}"),
-            Event::Notice(text) => println!("{text}"),
+            Event::Notice(text) => say(&format!("{text}\n")),
             Event::Failed { error, .. } if outcome.is_ok() => outcome = Err(anyhow!(error)),
             Event::Stopped { .. } if outcome.is_ok() => outcome = Err(Interrupted.into()),
             _ => {}

@@ -2,6 +2,7 @@ use anyhow::{Result, bail};
 use serde::Serialize;
 
 use super::args::{Align, EvalArgs, EvalVerb, InteractArgs};
+use super::print::say;
 use crate::geometry::Alignment;
 use crate::session::evaluate::{
     CameraScore, CloudEvaluation, MaskScore, ScoreOptions, cloud_table, evaluate_cloud, evaluate_masks, score_cameras,
@@ -87,9 +88,9 @@ fn warn(warnings: &[String]) {
 
 fn print(json: bool, score: &impl Serialize, table: &str) -> Result<()> {
     if json {
-        println!("{}", serde_json::to_string(score)?);
+        say(&format!("{}\n", serde_json::to_string(score)?));
     } else {
-        print!("{table}");
+        say(table);
     }
     Ok(())
 }

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use super::args::InfoArgs;
 use super::drive::Driver;
+use super::print::say;
 use crate::frames::Frame;
 use crate::session::{MaskOrigin, Project, ResultKind};
 
@@ -12,9 +13,9 @@ pub(super) fn info(args: &InfoArgs) -> Result<()> {
     let driver = Driver::open(&args.project)?;
     let project = driver.project()?;
     if args.json {
-        println!("{}", as_json(project));
+        say(&format!("{}\n", as_json(project)));
     } else {
-        print!("{}", as_text(project));
+        say(&as_text(project));
     }
     Ok(())
 }

@@ -3,11 +3,14 @@
 //! May use: session, view, nouns of the lower rooms; `app` only to start the window.
 //! Must not touch: anything that the window cannot do.
 
+#![expect(clippy::print_stderr, reason = "this room speaks to the user")]
+
 mod args;
 mod demo;
 mod drive;
 mod eval;
 mod info;
+mod print;
 mod project;
 mod run;
 mod shot;

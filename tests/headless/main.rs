@@ -9,12 +9,16 @@ mod architecture;
 #[cfg(test)]
 mod cameras;
 #[cfg(test)]
+mod command_line;
+#[cfg(test)]
 mod crash;
 #[cfg(test)]
 mod films;
 #[cfg(test)]
 mod frames;
+#[cfg(test)]
 mod fuse;
+#[cfg(test)]
 mod masks;
 #[cfg(test)]
 mod session;

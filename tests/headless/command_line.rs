@@ -1,0 +1,287 @@
+//! The program as a process: what scripts depend on.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use image::{GrayImage, ImageBuffer, Luma, RgbImage};
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn ostra(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(args)
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .unwrap()
+}
+
+fn done(args: &[&str]) -> String {
+    let output = ostra(args);
+    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Runs what must fail: exit code 1 and one line that starts with the program's name.
+fn refused(args: &[&str]) -> String {
+    let output = ostra(args);
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");
+    let errors: Vec<&str> = text.lines().filter(|line| line.starts_with("ostra: ")).collect();
+    assert_eq!(errors.len(), 1, "{args:?} says one line: {text}");
+    errors[0].to_owned()
+}
+
+/// A recording of four 64×48 frames: a red square at 1 m before a grey wall at 2 m, cameras side by side.
+struct Recording {
+    dir: TempDir,
+}
+
+impl Recording {
+    fn new() -> Self {
+        let dir = TempDir::new().unwrap();
+        for folder in ["color", "depth", "sparse"] {
+            std::fs::create_dir(dir.path().join(folder)).unwrap();
+        }
+        let mut images = String::new();
+        for k in 0..4_u32 {
+            // The camera is k · 2 cm to the right; f = 60 px: the square moves by 1.2 px a frame.
+            let left = 20.0 - 1.2 * f64::from(k);
+            let inside = |x: u32, y: u32| (f64::from(x) + 0.5 - left).abs() < 8.0 && (14..34).contains(&y);
+            let color = RgbImage::from_fn(64, 48, |x, y| {
+                if inside(x, y) { image::Rgb([210, 40, 30]) } else { image::Rgb([90, 90, 96 + (x + 7 * k) as u8 % 3]) }
+            });
+            color.save(dir.path().join(format!("color/{k}.png"))).unwrap();
+            let depth: ImageBuffer<Luma<u16>, Vec<u16>> =
+                ImageBuffer::from_fn(64, 48, |x, y| Luma([if inside(x, y) { 1000 } else { 2000 }]));
+            depth.save(dir.path().join(format!("depth/{k}.png"))).unwrap();
+            images += &format!("{} 1 0 0 0 {} 0 0 1 {k}.png\n\n", k + 1, -0.02 * f64::from(k));
+        }
+        std::fs::write(dir.path().join("sparse/cameras.txt"), "1 PINHOLE 64 48 60 60 32 24\n").unwrap();
+        std::fs::write(dir.path().join("sparse/images.txt"), images).unwrap();
+        std::fs::write(dir.path().join("sparse/points3D.txt"), "").unwrap();
+        Self { dir }
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.dir.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    fn project(&self) -> String {
+        let project = self.path("project");
+        let [color, depth, sparse] = ["color", "depth", "sparse"].map(|name| self.path(name));
+        done(&["new", &project, "--frames", &color, "--depth", &depth, "--cameras", &sparse]);
+        project
+    }
+}
+
+/// Every file below a folder with its bytes.
+fn contents(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut all = Vec::new();
+    let mut folders = vec![dir.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let bytes = std::fs::read(&path).unwrap();
+                all.push((path, bytes));
+            }
+        }
+    }
+    all.sort();
+    all
+}
+
+#[test]
+fn the_whole_way_on_the_command_line() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing", "--color", "#d02818"]);
+    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&["track", &project, "--tracker", "geometry"]);
+    done(&["fuse", &project, "--voxel", "0.01"]);
+    let cloud = recording.path("cloud.ply");
+    let masks = recording.path("masks");
+    done(&[
+        "export",
+        &project,
+        "--cloud",
+        &cloud,
+        "--masks",
+        &masks,
+        "--cameras",
+        &recording.path("out"),
+        "--depths",
+        &recording.path("depths"),
+    ]);
+    let shot = recording.path("shot.png");
+    done(&["shot", &project, &shot, "--color", "labels"]);
+    let picture = image::open(&shot).unwrap().to_rgb8();
+    assert!(picture.pixels().any(|pixel| pixel.0[0] > 120 && pixel.0[1] < 60), "the thing is drawn in its colour");
+
+    let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
+    let states: Vec<&str> =
+        info["frames"].as_array().unwrap().iter().map(|frame| frame["mask"].as_str().unwrap()).collect();
+    assert_eq!(states, ["tracked", "anchor", "tracked", "tracked"]);
+    assert_eq!(info["labels"][0]["name"], "thing");
+    assert_eq!(info["labels"][0]["color"], "#d02818");
+    assert_eq!(info["results"]["cloud"]["stale"], false);
+
+    // The square is 16 × 20 pixels on every frame.
+    let truth = recording.dir.path().join("truth");
+    std::fs::create_dir(&truth).unwrap();
+    for k in 0..4_u32 {
+        let left = 20.0 - 1.2 * f64::from(k);
+        let mask = GrayImage::from_fn(64, 48, |x, y| {
+            Luma([u8::from((f64::from(x) + 0.5 - left).abs() < 8.0 && (14..34).contains(&y)) * 255])
+        });
+        mask.save(truth.join(format!("{k}.png"))).unwrap();
+    }
+    let score: Value = serde_json::from_str(&done(&[
+        "eval",
+        "masks",
+        "--truth",
+        truth.to_str().unwrap(),
+        "--result",
+        &masks,
+        "--json",
+    ]))
+    .unwrap();
+    assert!(score["j"].as_f64().unwrap() > 0.9, "{score}");
+
+    let same = done(&["eval", "cloud", "--truth", &cloud, "--result", &cloud, "--within", "0.001"]);
+    assert!(same.contains("thing"), "{same}");
+    let cameras: Value = serde_json::from_str(&done(&[
+        "eval",
+        "cameras",
+        "--truth",
+        &recording.path("sparse"),
+        "--result",
+        &recording.path("out"),
+        "--json",
+    ]))
+    .unwrap();
+    assert_eq!(cameras["error"]["count"], 4);
+    assert!(cameras["error"]["centre"]["max"].as_f64().unwrap() < 1e-9, "{cameras}");
+}
+
+#[test]
+fn a_prompt_sets_what_is_given_and_an_anchor_is_not_overwritten() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    done(&["prompt", &project, "--frame", "0", "--label", "thing", "--click", "20,24"]);
+    let anchor = std::fs::read(Path::new(&project).join("masks/0.png")).unwrap();
+    done(&["prompt", &project, "--frame", "3", "--label", "thing", "--click", "16,24"]);
+    done(&["track", &project]);
+    assert_eq!(std::fs::read(Path::new(&project).join("masks/0.png")).unwrap(), anchor);
+}
+
+#[test]
+fn what_comes_later_says_what_it_needs() {
+    let recording = Recording::new();
+    let project = recording.project();
+    assert!(refused(&["ground", &project, "--frame", "0", "--text", "thing"]).contains("network"));
+    assert!(refused(&["models", "list"]).contains("ONNX"));
+    assert!(refused(&["reconstruct", &project, "--method", "sfm"]).len() > 30);
+    assert!(refused(&["track", &project, "--tracker", "xmem"]).contains("xmem"));
+    assert!(
+        refused(&["demo", "--method", "mvs"]).contains("mvs") || refused(&["demo", "--method", "mvs"]).contains("Mvs")
+    );
+    assert_eq!(ostra(&["prompt"]).status.code(), Some(2));
+    assert_eq!(ostra(&["frobnicate"]).status.code(), Some(1), "a path that is not there cannot be opened");
+}
+
+#[test]
+fn broken_input_is_one_line_and_changes_nothing() {
+    let recording = Recording::new();
+    let [color, depth, sparse] = ["color", "depth", "sparse"].map(|name| recording.path(name));
+    let project = recording.path("broken");
+    let new = |extra: &[&str]| refused(&[&["new", &project, "--frames", &color], extra].concat());
+
+    let empty = recording.path("empty");
+    std::fs::create_dir(&empty).unwrap();
+    assert!(refused(&["new", &project, "--frames", &empty]).contains("empty"));
+
+    let nan = recording.path("nan");
+    std::fs::create_dir(&nan).unwrap();
+    std::fs::copy(format!("{sparse}/cameras.txt"), format!("{nan}/cameras.txt")).unwrap();
+    std::fs::write(format!("{nan}/points3D.txt"), "").unwrap();
+    std::fs::write(format!("{nan}/images.txt"), "1 nan 0 0 0 0 0 0 1 0.png\n\n").unwrap();
+    assert!(new(&["--cameras", &nan]).contains("images.txt"));
+    std::fs::write(format!("{nan}/images.txt"), "1 1 0 0 0 0 0 0 1 other.png\n\n").unwrap();
+    assert!(new(&["--cameras", &nan]).contains("other"), "names that match no frame are told");
+
+    let small = recording.path("small");
+    std::fs::create_dir(&small).unwrap();
+    let tiny: ImageBuffer<Luma<u16>, Vec<u16>> = ImageBuffer::new(32, 24);
+    tiny.save(format!("{small}/0.png")).unwrap();
+    let error = new(&["--depth", &small]);
+    assert!(error.contains("32") && error.contains("64"), "{error}");
+
+    let whole = std::fs::read(format!("{color}/2.png")).unwrap();
+    std::fs::write(format!("{color}/2.png"), &whole[..whole.len() / 2]).unwrap();
+    assert!(new(&["--depth", &depth]).contains("2.png"));
+    std::fs::write(format!("{color}/2.png"), &whole).unwrap();
+    assert!(!Path::new(&project).exists(), "nothing was made");
+}
+
+#[test]
+fn a_project_is_as_before_after_a_refusal() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    done(&["info", &project]);
+    let before = contents(Path::new(&project));
+
+    let wrong = recording.path("wrong");
+    std::fs::create_dir(&wrong).unwrap();
+    GrayImage::new(10, 10).save(format!("{wrong}/0.png")).unwrap();
+    let error = refused(&["masks", &project, "import", &wrong]);
+    assert!(error.contains("10") && error.contains("64"), "{error}");
+    assert!(refused(&["label", &project, "thing"]).contains("thing"));
+    assert!(refused(&["prompt", &project, "--frame", "99", "--label", "thing", "--click", "1,1"]).contains("99"));
+    assert!(refused(&["prompt", &project, "--frame", "0", "--label", "nothing", "--click", "1,1"]).contains("nothing"));
+    assert!(refused(&["fuse", &project, "--onto", "/nowhere.ply"]).contains("nowhere.ply"));
+    assert!(refused(&["export", &project, "--cloud", &recording.path("c.ply")]).contains("fuse"));
+    assert_eq!(contents(Path::new(&project)), before);
+
+    let toml = Path::new(&project).join("project.toml");
+    let newer = std::fs::read_to_string(&toml).unwrap().replacen("format = 1", "format = 2", 1);
+    std::fs::write(&toml, &newer).unwrap();
+    assert!(refused(&["info", &project]).contains('2'));
+    assert_eq!(std::fs::read_to_string(&toml).unwrap(), newer);
+}
+
+#[test]
+fn a_recipe_makes_an_equal_project() {
+    let recording = Recording::new();
+    let by_hand = recording.project();
+    done(&["label", &by_hand, "thing"]);
+    done(&["prompt", &by_hand, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&["track", &by_hand, "--tracker", "geometry"]);
+    let by_recipe = recording.path("by_recipe");
+    let recipe = serde_json::json!({ "format": 1, "commands": [
+        { "new": { "root": by_recipe, "open": {
+            "sources": [{ "frames": recording.path("color"), "depth": recording.path("depth") }], "depth_unit": 0.001, "every": 1 },
+            "cameras": recording.path("sparse") } },
+        { "add_label": { "name": "thing", "parent": null, "color": null } },
+        { "prompt": { "frame": 1, "label": 1, "prompt": { "clicks": [{ "at_px": [20.0, 24.0], "include": true }] }, "segmenter": "auto" } },
+        { "track": { "tracker": "geometry" } },
+    ] });
+    let path = recording.path("recipe.json");
+    std::fs::write(&path, recipe.to_string()).unwrap();
+    done(&["run", &path]);
+    for k in 0..4 {
+        let mask = |project: &str| std::fs::read(Path::new(project).join(format!("masks/{k}.png"))).unwrap();
+        assert_eq!(mask(&by_hand), mask(&by_recipe), "frame {k}");
+    }
+    let info = |project: &str| -> Value {
+        let mut info: Value = serde_json::from_str(&done(&["info", project, "--json"])).unwrap();
+        info["results"]["tracking"]["seconds"] = Value::Null;
+        info
+    };
+    assert_eq!(info(&by_hand), info(&by_recipe));
+}
