@@ -38,7 +38,9 @@ fn track(frames: &Arc<Vec<Frame>>, anchors: BTreeMap<usize, Arc<LabelMask>>) -> 
     let mut out = Vec::new();
     let t = Instant::now();
     let w = GeometryTracker::default().track(&request, &mut |f| out.push(f), &Progress::default()).unwrap();
-    for w in w { println!("{w}"); }
+    for w in w {
+        println!("{w}");
+    }
     (out, t.elapsed().as_secs_f64())
 }
 
@@ -53,7 +55,11 @@ fn save(frame: &Frame, mask: &LabelMask, truth: &LabelMask, name: &str) {
             for x in 0..w {
                 let c = image.at(x, y);
                 let l = m.at(x, y).0 as usize % 5;
-                let v = if l == 0 { c } else { std::array::from_fn(|i| ((u16::from(c[i]) + u16::from(pal[l][i])) / 2) as u8) };
+                let v = if l == 0 {
+                    c
+                } else {
+                    std::array::from_fn(|i| ((u16::from(c[i]) + u16::from(pal[l][i])) / 2) as u8)
+                };
                 out.put_pixel(x + k as u32 * w, y, image::Rgb(v));
             }
         }
@@ -68,7 +74,11 @@ fn main() {
     let truth: Vec<LabelMask> = (0..frames.len())
         .map(|i| {
             let p = image::open(folder.join(format!("labels/{i:06}.png"))).unwrap().to_luma8();
-            LabelMask { width: p.width(), height: p.height(), ids: p.pixels().map(|p| LabelId(u16::from(p.0[0]))).collect() }
+            LabelMask {
+                width: p.width(),
+                height: p.height(),
+                ids: p.pixels().map(|p| LabelId(u16::from(p.0[0]))).collect(),
+            }
         })
         .collect();
     // one label per anchor, or all labels of one anchor
@@ -77,22 +87,30 @@ fn main() {
     let only = |frame: usize, labels: &[u16], map: &mut BTreeMap<usize, LabelMask>| {
         let m = map.entry(frame).or_insert_with(|| LabelMask::empty(640, 480));
         for (id, t) in m.ids.iter_mut().zip(&truth[frame].ids) {
-            if labels.contains(&t.0) { *id = *t; }
+            if labels.contains(&t.0) {
+                *id = *t;
+            }
         }
     };
     let mut map = BTreeMap::new();
-    for (l, &f) in best.iter().enumerate() { only(f, &[l as u16 + 1], &mut map); }
+    for (l, &f) in best.iter().enumerate() {
+        only(f, &[l as u16 + 1], &mut map);
+    }
     runs.push(("best".into(), map));
     let few = std::env::var("FEW").is_ok();
     for f in 0..15 {
-        if few && f % 4 != 2 { continue; }
+        if few && f % 4 != 2 {
+            continue;
+        }
         let mut map = BTreeMap::new();
         only(f, &[1, 2, 3, 4], &mut map);
         runs.push((format!("all{f}"), map));
     }
     let mut total = 0.0;
     let mut n = 0.0;
-    if std::env::var("NOAPC").is_ok() { runs.clear(); }
+    if std::env::var("NOAPC").is_ok() {
+        runs.clear();
+    }
     for (name, anchors) in runs {
         let arcs: BTreeMap<usize, Arc<LabelMask>> = anchors.iter().map(|(&k, v)| (k, Arc::new(v.clone()))).collect();
         let (out, t) = track(&frames, arcs);
@@ -104,11 +122,23 @@ fn main() {
             *p = v.iter().sum::<f64>() / v.len() as f64;
         }
         let mean = per.iter().sum::<f64>() / 4.0;
-        println!("{name:6} mean {mean:.3}  {:.3} {:.3} {:.3} {:.3}   {:.1} fps", per[0], per[1], per[2], per[3], out.len() as f64 / t);
-        if name != "best" { total += mean; n += 1.0; }
+        println!(
+            "{name:6} mean {mean:.3}  {:.3} {:.3} {:.3} {:.3}   {:.1} fps",
+            per[0],
+            per[1],
+            per[2],
+            per[3],
+            out.len() as f64 / t
+        );
+        if name != "best" {
+            total += mean;
+            n += 1.0;
+        }
         if let Ok(dir) = std::env::var("OUT") {
             if name == "best" || name == "all2" {
-                for o in &out { save(&frames[o.frame], &o.mask, &truth[o.frame], &format!("{dir}/{name}_{:02}.png", o.frame)); }
+                for o in &out {
+                    save(&frames[o.frame], &o.mask, &truth[o.frame], &format!("{dir}/{name}_{:02}.png", o.frame));
+                }
             }
         }
     }
@@ -117,8 +147,21 @@ fn main() {
         let folder = data.join("redkitchen_rgbd_a");
         let frames = Arc::new(frames_of(&folder));
         let mut mask = LabelMask::empty(640, 480);
-        for y in 0..480 { for x in 0..640 { mask.ids[y * 640 + x] = LabelId(if x < 200 { 1 } else if y > 300 { 2 } else if x > 500 {3} else { 0 }); } }
-        let anchors: BTreeMap<usize, Arc<LabelMask>> = [0usize, 60, 120].into_iter().map(|k| (k, Arc::new(mask.clone()))).collect();
+        for y in 0..480 {
+            for x in 0..640 {
+                mask.ids[y * 640 + x] = LabelId(if x < 200 {
+                    1
+                } else if y > 300 {
+                    2
+                } else if x > 500 {
+                    3
+                } else {
+                    0
+                });
+            }
+        }
+        let anchors: BTreeMap<usize, Arc<LabelMask>> =
+            [0usize, 60, 120].into_iter().map(|k| (k, Arc::new(mask.clone()))).collect();
         let (out, t) = track(&frames, anchors);
         println!("redkitchen {} frames {:.1} fps", out.len(), out.len() as f64 / t);
     }

@@ -39,7 +39,8 @@ pub fn labels_of(mask: &LabelMask) -> Vec<LabelId> {
 /// Weights that grow from the border of labels inwards and outwards: there mask, picture and depth are a few pixels apart.
 fn border_trust(mask: &LabelMask, options: &CarryOptions) -> Vec<f32> {
     let border = options.border_px;
-    let weight = |d: u8| options.border_weight + (1.0 - options.border_weight) * f32::from(d) / f32::from(border.max(1));
+    let weight =
+        |d: u8| options.border_weight + (1.0 - options.border_weight) * f32::from(d) / f32::from(border.max(1));
     let weights: [f32; 256] = std::array::from_fn(|d| if border == 0 { 1.0 } else { weight(d as u8) });
     border_distance(mask, border).into_iter().map(|d| weights[usize::from(d)]).collect()
 }
@@ -95,7 +96,9 @@ mod tests {
         assert_eq!(row, [3, 2, 1, 0, 0, 1, 2, 3, 3]);
         let trust = border_trust(&mask, &CarryOptions { border_weight: 0.25, border_px: 3, ..CarryOptions::default() });
         assert_eq!((trust[18], trust[21], trust[20]), (1.0, 0.25, 0.5));
-        assert!(border_trust(&mask, &CarryOptions { border_px: 0, ..CarryOptions::default() }).iter().all(|&t| t == 1.0));
+        assert!(
+            border_trust(&mask, &CarryOptions { border_px: 0, ..CarryOptions::default() }).iter().all(|&t| t == 1.0)
+        );
         assert_eq!(labels_of(&mask), [LabelId(7)]);
     }
 }

@@ -46,7 +46,8 @@ pub fn draw(source: &Viewpoint, target: &Viewpoint, canvas: &mut [Drawn], progre
             progress.check()?;
         }
         let here = next;
-        next = if row + 1 < height { (0..width).map(|x| see((row + 1) * width + x)).collect() } else { vec![None; width] };
+        next =
+            if row + 1 < height { (0..width).map(|x| see((row + 1) * width + x)).collect() } else { vec![None; width] };
         for x in 0..width {
             let Some(seen) = here[x] else { continue };
             let right = here.get(x + 1).copied().flatten();

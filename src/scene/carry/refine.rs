@@ -42,9 +42,7 @@ pub fn passing(
     let (width, full) = (within.width(), target.width());
     let mut across = vec![0.0; width * within.height()];
     let mut down = across.clone();
-    for (y, (across, down)) in
-        (within.top..).zip(across.chunks_exact_mut(width).zip(down.chunks_exact_mut(width)))
-    {
+    for (y, (across, down)) in (within.top..).zip(across.chunks_exact_mut(width).zip(down.chunks_exact_mut(width))) {
         let first = y * full + within.left;
         for (x, across) in across.iter_mut().enumerate().skip(1) {
             *across = share(first + x - 1, first + x);

@@ -40,8 +40,14 @@ impl Tolerance {
         differences.sort_by(f32::total_cmp);
         let median = differences.get(differences.len() / 2).copied().unwrap_or_default();
         let enough = differences.len() >= FEWEST;
-        let share = if enough { (options.noise_factor * median).clamp(options.least_tolerance, options.most_tolerance) } else { options.most_tolerance };
-        if std::env::var("SHOW").is_ok() { println!("tolerance {share:.4} from {median:.4} of {}", differences.len()); }
+        let share = if enough {
+            (options.noise_factor * median).clamp(options.least_tolerance, options.most_tolerance)
+        } else {
+            options.most_tolerance
+        };
+        if std::env::var("SHOW").is_ok() {
+            println!("tolerance {share:.4} from {median:.4} of {}", differences.len());
+        }
         Self { share, ..unit }
     }
 

@@ -147,7 +147,8 @@ impl<'a> Run<'a> {
 
     /// An anchor made ready, or kept from before.
     fn anchor(&self, given: &Given) -> Result<Option<Arc<Anchor>>, MaskError> {
-        let kept = |ready: &[(usize, Arc<Anchor>)]| ready.iter().find(|(f, _)| *f == given.frame).map(|(_, a)| a.clone());
+        let kept =
+            |ready: &[(usize, Arc<Anchor>)]| ready.iter().find(|(f, _)| *f == given.frame).map(|(_, a)| a.clone());
         let lock = || self.ready.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(anchor) = kept(&lock()) {
             return Ok(Some(anchor));
