@@ -21,7 +21,10 @@ impl Session {
             Command::New(new) => self.new_project(new).map(Some),
             Command::Open(root) => self.open_project(root).map(Some),
             Command::Inspect(path) => self.inspect(path).map(Some),
-            Command::Close => self.close().map(|()| None),
+            Command::Close => Ok({
+                self.close();
+                None
+            }),
             Command::AddFrames(new) => self.add_frames(new).map(Some),
             Command::Relocate { from, to } => self.relocate(from, to).map(Some),
             Command::AddLabel { name, parent, color } => self.add_label(name, parent.as_deref(), *color).map(|()| None),

@@ -90,7 +90,7 @@ impl Session {
         Ok(self.start("Open cloud", Kind::Short, move |link| {
             let read = read_ply(&path, &link.progress)?;
             Ok(Box::new(move |session: &mut Self| {
-                session.close()?;
+                session.close();
                 session.cloud.put(None, read.cloud, None);
                 session.inspected = Some(path.clone());
                 session.events.extend([Event::Inspecting(path), Event::CloudChanged]);

@@ -10,7 +10,6 @@ use super::commands::TrackRun;
 use super::jobs::{Job, Jobs, Kind, Landing};
 use super::prepared::PreparedFrames;
 use super::{Command, Edit, Event, JobId, JobView, OpenProject, Project, Recipe};
-use crate::engine::job::Stopped;
 use crate::frames::FrameStore;
 
 /// Bytes of decoded pictures and depths kept.
@@ -256,16 +255,18 @@ impl Session {
         }
     }
 
+    /// Takes in how a job ended. Of one whose results are no longer wanted nobody hears any more.
     fn take_result(&mut self, mut job: Job, result: Result<Landing>) {
-        let stopped = job.is_stopped();
-        if !job.discarded
-            && let Err(error) = self.end_track(job.id)
-        {
-            job.failure.get_or_insert(error);
+        if job.discarded {
+            self.track.take_if(|run| run.is_of(job.id));
+            return;
         }
-        let result = match job.failure.take() {
+        let stopped = job.is_stopped();
+        let saved = self.end_track(job.id);
+        let failure = job.failure.take().or(saved.err());
+        let failed = failure.is_some();
+        let result = match failure {
             Some(error) => Err(error),
-            None if job.discarded => Err(Stopped.into()),
             None => result.and_then(|landing| landing(self)),
         };
         let (id, title) = (job.id, job.title);
@@ -274,7 +275,7 @@ impl Session {
                 self.record(job.command);
                 Event::Finished { job: id, title }
             }
-            Err(_) if stopped => Event::Stopped { job: id, title },
+            Err(_) if stopped && !failed => Event::Stopped { job: id, title },
             Err(error) => Event::Failed { job: id, title, error: format!("{error:#}") },
         };
         match (job.kind, event) {

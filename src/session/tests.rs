@@ -1,4 +1,6 @@
 mod edits;
 mod folder;
-mod making;
+mod jobs;
+pub mod making;
+mod masks;
 mod steps;

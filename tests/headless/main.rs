@@ -15,7 +15,8 @@ mod films;
 #[cfg(test)]
 mod frames;
 mod fuse;
-#[cfg(test)]
 mod masks;
+#[cfg(test)]
+mod session;
 #[cfg(test)]
 mod shared;

@@ -24,6 +24,8 @@ pub(super) struct CandidateOptions {
     pub mixes: [(f32, f32); 3],
     /// Worth of one log odd on one pixel, in pixel sides of a border without any edge.
     pub data_weight: f32,
+    /// Log odds against a region that is off the clicked depth.
+    pub depth_weight: f32,
 }
 
 impl Default for CandidateOptions {
@@ -34,6 +36,7 @@ impl Default for CandidateOptions {
             balloons: [-0.6, 0.0, 0.6],
             mixes: [(0.5, 0.5), (0.0, 1.0), (1.0, 0.2)],
             data_weight: 0.08,
+            depth_weight: 4.0,
         }
     }
 }
@@ -84,7 +87,9 @@ impl<'a> Disc<'a> {
         let mut roles = situation.roles.clone();
         let mut disc = Vec::new();
         for (at, role) in roles.iter_mut().enumerate() {
-            if *role == Role::Seed || (*role == Role::Open && situation.apart[at] <= radius) {
+            if *role == Role::Seed
+                || (*role == Role::Open && situation.apart[at] <= radius && situation.off_depth[at] < 0.5)
+            {
                 *role = Role::Seed;
                 disc.push(at as u32);
             }
@@ -103,7 +108,9 @@ impl<'a> Disc<'a> {
             for balloon in options.balloons {
                 let gain = |at: usize| {
                     let beyond = ((self.situation.apart[at] - self.radius) / (self.radius + 10.0)).clamp(0.0, 10.0);
-                    options.data_weight * regions[at].area * (leaning[at] - balloon - 0.12 * beyond)
+                    options.data_weight
+                        * regions[at].area
+                        * (leaning[at] - balloon - 0.12 * beyond - options.depth_weight * self.situation.off_depth[at])
                 };
                 let gains: Vec<f32> = (0..regions.len()).map(gain).collect();
                 let change = cheapest_change(self.situation.graph, &self.roles, &gains, 0.5);

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::bridges::{BridgeOptions, bridges};
 use super::color::squared_difference;
 use super::depth_edges::known;
 use super::filter::box_mean;
@@ -68,6 +69,9 @@ impl RegionGraph {
             let seen: Vec<bool> = regions.iter().map(|region| !region.ln_depth.is_nan()).collect();
             graph.fill_depth(&mut regions);
             graph.add_depth_steps(&regions, &seen);
+            let bridges = bridges(&regions, &graph.edges, width, &BridgeOptions::default());
+            graph.edges.extend(bridges);
+            (graph.first, graph.neighbours) = adjacency(&graph.edges, regions.len());
         }
         graph.regions = regions;
         graph
@@ -134,7 +138,7 @@ impl RegionGraph {
             let apart = ((a.at[0] - b.at[0]).powi(2) + (a.at[1] - b.at[1]).powi(2)).sqrt();
             // A slope of 0.1 % of the depth a pixel is a surface seen at a slant.
             let step = (a.ln_depth - b.ln_depth).abs() - 0.001 * apart - 0.01;
-            let sure = if seen[edge.a as usize] && seen[edge.b as usize] { 0.6 } else { 0.5 };
+            let sure = if seen[edge.a as usize] && seen[edge.b as usize] { 0.9 } else { 0.5 };
             let extra = (step / 0.03).clamp(0.0, 1.0) * sure;
             if extra.is_finite() {
                 edge.strength = 1.0 - (1.0 - edge.strength) * (1.0 - extra);

@@ -4,6 +4,7 @@
 
 mod appearance;
 mod boxes;
+mod bridges;
 mod candidates;
 mod choice;
 mod color;

@@ -3,7 +3,7 @@
 use super::appearance::Palette;
 use super::energy::Role;
 use super::geodesic::distances;
-use super::graph::{Edge, RegionGraph};
+use super::graph::{Edge, RegionGraph, RegionStats};
 use crate::masks::Click;
 
 /// What a click finds.
@@ -24,6 +24,8 @@ pub(super) struct Situation<'a> {
     pub far: Vec<f32>,
     /// Distance from the click to what is on its side already: how deep the part to change can be, pixels.
     pub reach: f32,
+    /// How far each region's depth is from any that an object at the click may have there, 0–1; 0 without depth.
+    pub off_depth: Vec<f32>,
     /// Pixels in the answer so far.
     pub area: f32,
 }
@@ -64,9 +66,10 @@ impl<'a> Situation<'a> {
         let widest = 0.45 * graph.width.min(graph.height) as f32;
         let joined = roles.iter().zip(&apart).filter(|(role, _)| **role == Role::Joined);
         let reach = joined.map(|(_, &apart)| apart).fold(widest, f32::min).max(4.0);
+        let off_depth = off_depth(graph, seed as usize, &apart);
         let area =
             inside.iter().zip(&graph.regions).map(|(&inside, region)| if inside { region.area } else { 0.0 }).sum();
-        Some(Self { graph, palette, clicks, roles, seed, include, apart, far, reach, area })
+        Some(Self { graph, palette, clicks, roles, seed, include, apart, far, reach, off_depth, area })
     }
 
     /// Whether a region may change.
@@ -114,4 +117,19 @@ impl<'a> Situation<'a> {
 /// Geodesic length of stepping over an edge: the way itself and, much more, the chance that an object ends there.
 fn step_cost(graph: &RegionGraph, edge: &Edge) -> f32 {
     0.3 * graph.apart(edge) + 120.0 * (edge.strength - 0.2).max(0.0).powi(2)
+}
+
+/// How far regions lie from the depth of the clicked one, allowing for a surface that runs towards or away from the
+/// camera; 0–1.
+fn off_depth(graph: &RegionGraph, seed: usize, apart: &[f32]) -> Vec<f32> {
+    const ALLOWED: f32 = 0.03;
+    const SLANT_PER_PX: f32 = 0.0015;
+    const SURE: f32 = 0.05;
+    let clicked = graph.regions[seed].ln_depth;
+    let off = |(region, apart): (&RegionStats, &f32)| {
+        let step = (region.ln_depth - clicked).abs() - ALLOWED - SLANT_PER_PX * apart;
+        // Unknown depths compare as not a number, which says nothing.
+        if step > 0.0 { (step / SURE).min(1.0) } else { 0.0 }
+    };
+    graph.regions.iter().zip(apart).map(off).collect()
 }

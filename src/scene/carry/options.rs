@@ -37,24 +37,23 @@ pub struct CarryOptions {
 
 impl Default for CarryOptions {
     fn default() -> Self {
-        let env = |name: &str, default: f32| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default);
         Self {
-            noise_factor: env("NOISE", 3.0),
-            least_tolerance: env("TMIN", 0.005),
-            most_tolerance: env("TMAX", 0.04),
-            anchors: env("ANCHORS", 3.0) as usize,
-            fillers: env("FILLERS", 8.0) as usize,
-            grazing_weight: env("GRAZING", 0.1),
-            border_weight: env("BW", 0.2),
-            border_px: env("BPX", 3.0) as u8,
-            drawn_weight: env("DRAWN", 0.4),
-            filled_weight: env("FILLED", 0.2),
-            reach_px: env("REACH", 30.0),
-            color_edge_px: env("COLOR", 60.0),
-            depth_edge_px: env("DEPTH", 30.0),
-            own_weight: env("OWN", 0.3),
-            least_weight: env("LEAST", 1e-3),
-            margin_px: env("MARGIN", 32.0) as usize,
+            noise_factor: 3.0,
+            least_tolerance: 0.005,
+            most_tolerance: 0.04,
+            anchors: 3,
+            fillers: 8,
+            grazing_weight: 0.1,
+            border_weight: 0.2,
+            border_px: 3,
+            drawn_weight: 0.4,
+            filled_weight: 0.2,
+            reach_px: 30.0,
+            color_edge_px: 60.0,
+            depth_edge_px: 300.0,
+            own_weight: 1.0,
+            least_weight: 1e-3,
+            margin_px: 32,
         }
     }
 }

@@ -68,7 +68,8 @@ fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Res
     if request.cloud.is_some() || request.traits.is_some() {
         let cloud = load_cloud(sources, progress)?;
         request.cloud.as_deref().map_or(Ok(()), |path| write_cloud(path, &cloud, request, progress))?;
-        ensure!(request.traits.is_none(), "traits cannot be measured yet");
+        let traits = |path| super::traits::write(path, &cloud, request.level, progress);
+        request.traits.as_deref().map_or(Ok(()), traits)?;
     }
     if let Some(folder) = &request.cameras {
         write_colmap_model(folder, &sources.project.frames, &[])?;

@@ -14,6 +14,7 @@ mod prompt;
 mod reconstruct;
 mod relocate;
 mod track;
+mod traits;
 mod undo;
 
 use folders::make_folder_of;

@@ -33,15 +33,17 @@ impl Session {
         }))
     }
 
-    pub(in crate::session) fn close(&mut self) -> Result<()> {
+    /// What was open is closed even where its last checkpoint cannot be written: the journal has every step.
+    pub(in crate::session) fn close(&mut self) {
         self.discard_jobs();
-        self.save()?;
+        if let Err(error) = self.save() {
+            self.events.push(Event::Warning(format!("{error:#}; the project is safe in its journal")));
+        }
         self.preparing = None;
         let was_open = self.open.take().is_some() | self.inspected.take().is_some();
         if was_open {
             self.events.push(Event::Closed);
         }
-        Ok(())
     }
 
     pub(in crate::session) fn add_frames(&mut self, new: &NewProject) -> Result<JobId> {
@@ -63,7 +65,7 @@ impl Session {
 /// Puts a project in the place of what is open.
 fn take_open(open: OpenProject, warnings: Vec<String>) -> Landing {
     Box::new(move |session| {
-        session.close()?;
+        session.close();
         session.events.push(Event::Opened(open.root().to_owned()));
         session.open = Some(open);
         session.tell_changed();

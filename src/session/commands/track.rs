@@ -99,7 +99,7 @@ impl Session {
         }
         let waiting = std::mem::take(&mut run.waiting);
         let (job, made_from) = (run.job, Arc::clone(&run.made_from));
-        let mut record = run.record();
+        let (mut record, title) = (run.record(), format!("Track with {}", run.engine));
         let now = self.snapshot()?;
         let outdated = anchors_differ(&made_from, &now);
         let edits = waiting.into_iter().filter_map(|(frame, mask)| carried(&now, frame, mask, outdated));
@@ -108,7 +108,7 @@ impl Session {
         let old = now.masks.iter().any(|(frame, mask)| mask.stale && !fresh.contains(frame));
         record.stale = outdated || old;
         edits.push(Edit::SetResult { kind: ResultKind::Tracking, record: Some(record) });
-        if self.opened()?.commit_part("Track", edits, job)? {
+        if self.opened()?.commit_part(&title, edits, job)? {
             self.tell_changed();
         }
         Ok(())
@@ -116,7 +116,7 @@ impl Session {
 
     /// Saves what a run brought, and forgets the run: its job ended.
     pub(in crate::session) fn end_track(&mut self, job: JobId) -> Result<()> {
-        if self.track.as_ref().is_none_or(|run| run.job != job) {
+        if self.track.as_ref().is_none_or(|run| !run.is_of(job)) {
             return Ok(());
         }
         let saved = self.save_tracked(true);
@@ -126,6 +126,11 @@ impl Session {
 }
 
 impl TrackRun {
+    /// Whether this is the run of that job.
+    pub(in crate::session) fn is_of(&self, job: JobId) -> bool {
+        self.job == job
+    }
+
     fn record(&self) -> ResultRecord {
         ResultRecord {
             engine: self.engine.to_owned(),
@@ -172,4 +177,87 @@ fn describe(settings: &TrackSettings) -> String {
     words.extend(settings.to.map(|frame| format!("to {frame}")));
     words.extend(settings.constrain.then(|| "constrained".to_owned()));
     words.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::session::tests::making::{anchor, project, record, tracked};
+    use crate::session::{JobId, OpenProject};
+
+    /// A session with a run whose frames the test brings.
+    fn running(folder: &tempfile::TempDir, project: Project) -> Session {
+        let mut session = Session::new();
+        session.open = Some(OpenProject::create(&folder.path().join("p"), project).unwrap());
+        session.track = Some(TrackRun {
+            job: JobId(1),
+            engine: "flow",
+            settings: String::new(),
+            begun: Instant::now(),
+            made_from: session.snapshot().unwrap(),
+            done: 0,
+            waiting: Vec::new(),
+            saved: Instant::now(),
+        });
+        session
+    }
+
+    fn stale(session: &Session, frame: usize) -> bool {
+        session.project().unwrap().masks[&frame].stale
+    }
+
+    #[test]
+    fn what_is_carried_from_anchors_that_changed_meanwhile_is_stale() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut start = project();
+        start.apply(Edit::SetMask { frame: 0, mask: Some(anchor([1, 0, 0])) }).unwrap();
+        start.apply(Edit::SetResult { kind: ResultKind::Cloud, record: Some(record("fuse")) }).unwrap();
+        let mut session = running(&folder, start.clone());
+        session.gather(1, tracked([1, 0, 0])).unwrap();
+        session.save_tracked(true).unwrap();
+        assert!(!stale(&session, 1));
+        session.commit("Paint", vec![Edit::SetMask { frame: 3, mask: Some(anchor([2, 2, 2])) }]).unwrap();
+        assert!(stale(&session, 1));
+        for frame in [2, 3, 4] {
+            session.gather(frame, tracked([1, 1, 0])).unwrap();
+        }
+        session.end_track(JobId(1)).unwrap();
+        assert!(stale(&session, 2) && stale(&session, 4));
+        assert_eq!(session.project().unwrap().masks[&3], anchor([2, 2, 2]), "the new anchor stands");
+        assert!(session.project().unwrap().results[&ResultKind::Tracking].stale);
+        for title in ["Track with flow", "Paint", "Track with flow"] {
+            assert_eq!(session.undo_title(), Some(title));
+            session.undo().unwrap();
+        }
+        assert_eq!(**session.project().unwrap(), start);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(16))]
+
+        #[test]
+        fn anchors_stay_under_tracking(
+            anchors in proptest::collection::btree_set(0usize..5, 0..5),
+            brought in proptest::collection::vec((0usize..7, 0u16..4), 0..12),
+        ) {
+            let folder = tempfile::tempdir().unwrap();
+            let mut start = project();
+            for &frame in &anchors {
+                start.apply(Edit::SetMask { frame, mask: Some(anchor([1, 2, 0])) }).unwrap();
+            }
+            let mut session = running(&folder, start);
+            for (frame, id) in brought {
+                session.gather(frame, tracked([id, 0, 1])).unwrap();
+            }
+            session.end_track(JobId(1)).unwrap();
+            let project = session.project().unwrap();
+            for frame in &anchors {
+                prop_assert_eq!(&project.masks[frame], &anchor([1, 2, 0]));
+            }
+            let tracked = project.masks.iter().filter(|(frame, _)| !anchors.contains(frame));
+            prop_assert!(tracked.into_iter().all(|(_, mask)| mask.origin == MaskOrigin::Tracked));
+        }
+    }
 }

@@ -49,21 +49,23 @@ impl<'t> SimulatedUser<'t> {
         Ok(Self { truth, classes, given: BTreeMap::new() })
     }
 
-    /// Clicks on one frame, class after class, each at most `most` times; a click that made things worse is taken back
-    /// (and counted).
+    /// Clicks on one frame, always for the class with the largest wrong area there, each at most `most` times; a click
+    /// that made things worse is taken back (and counted).
     pub(super) fn click_on(&mut self, studio: &mut Studio<'_, '_>, frame: usize, most: usize) -> Result<()> {
-        for index in 0..self.classes.len() {
-            for _ in 0..most {
-                let class = &self.classes[index];
-                if class.clicks >= MAX_CLICKS || self.iou(studio, frame, class)? >= GOOD_IOU {
-                    break;
-                }
-                if !self.click(studio, frame, index)? {
-                    break;
+        let before: Vec<usize> = self.classes.iter().map(|class| class.clicks).collect();
+        let mut given_up = vec![false; self.classes.len()];
+        loop {
+            let mut worst = (0, None);
+            for (index, class) in self.classes.iter().enumerate() {
+                let open = !given_up[index] && class.clicks < MAX_CLICKS.min(before[index] + most);
+                let wrong = self.wrong_pixels(studio, frame, class)?;
+                if open && self.iou(studio, frame, class)? < GOOD_IOU && wrong > worst.0 {
+                    worst = (wrong, Some(index));
                 }
             }
+            let Some(index) = worst.1 else { return Ok(()) };
+            given_up[index] = !self.click(studio, frame, index)?;
         }
-        Ok(())
     }
 
     /// Carries the masks through the sequence.
@@ -133,6 +135,13 @@ impl<'t> SimulatedUser<'t> {
             return Ok(false);
         }
         Ok(true)
+    }
+
+    fn wrong_pixels(&self, studio: &Studio<'_, '_>, frame: usize, class: &Class) -> Result<usize> {
+        let mask = mask_of(studio, frame)?;
+        let differs =
+            |(&truth, &result): (&LabelId, &LabelId)| (truth == class.in_truth) != (result == class.in_project);
+        Ok(self.truth[frame].ids.iter().zip(&mask.ids).filter(|&pair| differs(pair)).count())
     }
 
     fn iou(&self, studio: &Studio<'_, '_>, frame: usize, class: &Class) -> Result<f64> {

@@ -23,6 +23,8 @@ pub struct Folder {
     /// Number of the last record made.
     seq: u64,
     written: Written,
+    /// A checkpoint is due when the journal is longer than this.
+    due_bytes: u64,
     _lock: Lock,
 }
 
@@ -90,7 +92,14 @@ impl Folder {
         let lock = Lock::take(root)?;
         let journal = Journal::open(&root.join("journal.jsonl"), &ReadRecords::default())?;
         manifest::write(root, project, 0)?;
-        Ok(Self { root: root.to_owned(), journal, seq: 0, written: Written::default(), _lock: lock })
+        Ok(Self {
+            root: root.to_owned(),
+            journal,
+            seq: 0,
+            written: Written::default(),
+            due_bytes: JOURNAL_BYTES,
+            _lock: lock,
+        })
     }
 
     /// Opens the project in `root`: the last checkpoint, then the journal.
@@ -118,7 +127,7 @@ impl Folder {
             history_length: past.length,
             history_seq: past.seq,
         };
-        let folder = Self { root: root.to_owned(), journal, seq, written, _lock: lock };
+        let folder = Self { root: root.to_owned(), journal, seq, written, due_bytes: JOURNAL_BYTES, _lock: lock };
         Ok(Loaded { folder, project: base.project, history: past.history, warnings: base.warnings })
     }
 
@@ -142,7 +151,7 @@ impl Folder {
     /// Whether the journal has grown so long that a checkpoint should be written.
     #[must_use]
     pub fn is_due(&self) -> bool {
-        self.journal.length() > JOURNAL_BYTES
+        self.journal.length() > self.due_bytes
     }
 
     /// Whether anything happened since the last checkpoint.
@@ -155,7 +164,9 @@ impl Folder {
     ///
     /// # Errors
     /// When the journal cannot be read.
-    pub fn checkpoint(&self, project: &Arc<Project>, history: &History) -> Result<Checkpoint> {
+    pub fn checkpoint(&mut self, project: &Arc<Project>, history: &History) -> Result<Checkpoint> {
+        // Should this one fail, the next is not tried at once.
+        self.due_bytes = self.journal.length() + JOURNAL_BYTES;
         Ok(Checkpoint {
             root: self.root.clone(),
             project: Arc::clone(project),
@@ -176,7 +187,9 @@ impl Folder {
         }
         let seq = written.seq;
         self.written = written;
-        self.journal.forget(seq)
+        self.journal.forget(seq)?;
+        self.due_bytes = JOURNAL_BYTES;
+        Ok(())
     }
 }
 

@@ -1,0 +1,160 @@
+use std::path::Path;
+
+use glam::DVec2;
+
+use super::making::{perform, pictures};
+use crate::frames::{FrameFolder, OpenRequest};
+use crate::masks::{Click, LabelId, LabelMask, Prompt};
+use crate::session::{Command, MaskOrigin, NewProject, PaintRequest, PromptRequest, Session};
+
+const PLANT: LabelId = LabelId(1);
+const LEAF: LabelId = LabelId(2);
+const STONE: LabelId = LabelId(3);
+
+/// Three pictures with a red bar at columns 20 to 39; labels plant, leaf below it, stone.
+fn opened(folder: &Path) -> Session {
+    let sources = vec![FrameFolder { frames: pictures(folder), depth: None }];
+    let open = OpenRequest { sources, ..OpenRequest::default() };
+    let mut session = Session::new();
+    let new = NewProject { root: folder.join("p"), open, cameras: None, intrinsics: None };
+    perform(&mut session, Command::New(new)).unwrap();
+    for (name, parent) in [("plant", None), ("leaf", Some("plant")), ("stone", None)] {
+        let parent = parent.map(str::to_owned);
+        perform(&mut session, Command::AddLabel { name: name.into(), parent, color: None }).unwrap();
+    }
+    session
+}
+
+fn click(label: LabelId, points: &[(f64, f64)]) -> Command {
+    let clicks = points.iter().map(|&(x, y)| Click { at_px: DVec2::new(x, y), include: true }).collect();
+    let prompt = Prompt { clicks, boxes: Vec::new() };
+    Command::Prompt(PromptRequest { frame: 0, label, prompt, segmenter: "builtin".into() })
+}
+
+fn square(label: LabelId, from: f64, to: f64, erase: bool, replace: bool) -> Command {
+    let corners = [(from, from), (to, from), (to, to), (from, to)];
+    let points_px = corners.map(|(x, y)| DVec2::new(x, y)).to_vec();
+    Command::Paint(PaintRequest { frame: 0, label, points_px, radius_px: 0.0, erase, replace })
+}
+
+fn mask(session: &Session) -> LabelMask {
+    session.project().unwrap().masks[&0].runs.decode()
+}
+
+#[test]
+fn a_prompt_segments_and_an_empty_one_takes_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    perform(&mut session, click(STONE, &[(30.5, 20.5)])).unwrap();
+    let region = mask(&session).region(STONE);
+    assert!(region.at(30, 20) && !region.at(5, 20) && region.area() > 20 * 48 / 2, "{}", region.area());
+    assert_eq!(session.undo_title(), Some("Prompt stone on frame 0"));
+    assert_eq!(session.project().unwrap().masks[&0].origin, MaskOrigin::Anchor);
+    perform(&mut session, click(STONE, &[])).unwrap();
+    assert!(session.project().unwrap().masks.is_empty() && session.project().unwrap().prompts.is_empty());
+    let error = perform(&mut session, click(STONE, &[])).unwrap_err().to_string();
+    assert_eq!(error, "label 'stone' is not on frame 0");
+}
+
+#[test]
+fn a_newer_prompt_takes_the_place_of_one_not_yet_answered() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    session.act(click(STONE, &[(30.5, 20.5)])).unwrap();
+    session.act(click(STONE, &[(30.5, 20.5), (5.5, 5.5)])).unwrap();
+    perform(&mut session, click(STONE, &[(5.5, 5.5)])).unwrap();
+    assert_eq!(session.project().unwrap().prompts[&(0, STONE)].clicks.len(), 1);
+    assert_eq!(mask(&session).at(5, 5), STONE);
+    perform(&mut session, Command::Undo).unwrap();
+    assert!(session.project().unwrap().prompts.is_empty(), "one step");
+    assert_eq!(session.recipe().commands.len(), 1 + 3 + 1 + 1);
+}
+
+#[test]
+fn parts_keep_their_pixels_and_others_prompted_keep_theirs() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    perform(&mut session, click(LEAF, &[(30.5, 20.5)])).unwrap();
+    let leaf = mask(&session).region(LEAF);
+    perform(&mut session, click(PLANT, &[(5.5, 5.5), (30.5, 46.5)])).unwrap();
+    let after = mask(&session);
+    assert_eq!(after.at(5, 5), PLANT);
+    let lost = (0..leaf.inside.len()).filter(|&k| leaf.inside[k] && after.ids[k] != LEAF).count();
+    assert!(lost <= 1, "the part keeps all but the pixel that was clicked: {lost}");
+    perform(&mut session, click(STONE, &[(50.5, 40.5)])).unwrap();
+    let taken = (0..leaf.inside.len()).filter(|&k| after.ids[k] == LEAF && mask(&session).ids[k] == STONE).count();
+    assert_eq!(taken, 0);
+}
+
+#[test]
+fn brush_and_eraser_make_anchors() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    perform(&mut session, square(STONE, 0.0, 10.0, false, false)).unwrap();
+    perform(&mut session, square(LEAF, 5.0, 15.0, false, false)).unwrap();
+    assert_eq!((mask(&session).at(7, 7), mask(&session).at(12, 12)), (STONE, LEAF));
+    perform(&mut session, square(LEAF, 5.0, 15.0, false, true)).unwrap();
+    assert_eq!(mask(&session).at(7, 7), LEAF);
+    perform(&mut session, square(LEAF, 0.0, 64.0, true, false)).unwrap();
+    assert_eq!((mask(&session).at(7, 7), mask(&session).at(2, 2)), (LabelId::NONE, STONE));
+    assert_eq!(session.undo_title(), Some("Erase leaf on frame 0"));
+    perform(&mut session, Command::RemoveLabel(STONE)).unwrap();
+    assert!(mask(&session).ids.iter().all(|&id| id == LabelId::NONE));
+    let error = perform(&mut session, Command::RemoveLabel(PLANT)).unwrap_err().to_string();
+    assert!(error.contains("still has the child 'leaf'"), "{error}");
+    perform(&mut session, Command::ClearMask { frame: 0 }).unwrap();
+    assert!(session.project().unwrap().masks.is_empty());
+}
+
+#[test]
+fn masks_written_are_read_back_as_anchors() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    perform(&mut session, square(LEAF, 3.0, 12.0, false, false)).unwrap();
+    let painted = session.project().unwrap().masks.clone();
+    for format in ["davis", "binary", "coco"] {
+        let dir = folder.path().join(format);
+        perform(&mut session, Command::ExportMasks { dir: dir.clone(), format: format.into() }).unwrap();
+        perform(&mut session, Command::ClearMask { frame: 0 }).unwrap();
+        perform(&mut session, Command::ImportMasks { dir, format: format.into() }).unwrap();
+        let masks = &session.project().unwrap().masks;
+        assert_eq!(masks[&0], painted[&0], "{format}");
+    }
+    let error = perform(&mut session, Command::ImportMasks { dir: folder.path().into(), format: "bmp".into() });
+    assert!(error.is_err());
+}
+
+#[test]
+fn names_that_are_no_engine_and_engines_that_are_not_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    let mut prompted = |segmenter: &str| {
+        let Command::Prompt(request) = click(LEAF, &[(30.5, 20.5)]) else { unreachable!() };
+        let request = PromptRequest { segmenter: segmenter.into(), ..request };
+        perform(&mut session, Command::Prompt(request)).unwrap_err().to_string()
+    };
+    assert_eq!(prompted("sum"), "there is no segmenter 'sum'; choose one of auto, sam, builtin");
+    assert!(prompted("sam").starts_with("'sam' is not installed: it needs"), "{}", prompted("sam"));
+}
+
+#[test]
+fn added_frames_get_names_that_are_free_and_moved_ones_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    let more = pictures(&folder.path().join("more"));
+    let sources = vec![FrameFolder { frames: more.clone(), depth: None }];
+    let open = OpenRequest { sources, ..OpenRequest::default() };
+    let new = NewProject { root: Path::new("ignored").into(), open, cameras: None, intrinsics: None };
+    perform(&mut session, Command::AddFrames(new)).unwrap();
+    let names: Vec<_> = session.project().unwrap().frames.iter().map(|frame| frame.name.clone()).collect();
+    assert_eq!(names, ["0.png", "1.png", "2.png", "pictures/0.png", "pictures/1.png", "pictures/2.png"]);
+    let moved = folder.path().join("moved");
+    std::fs::rename(&more, &moved).unwrap();
+    let to_nothing = Command::Relocate { from: more.clone(), to: folder.path().join("nowhere") };
+    assert!(perform(&mut session, to_nothing).unwrap_err().to_string().contains("0.png: is missing"));
+    perform(&mut session, Command::Relocate { from: more.clone(), to: moved }).unwrap();
+    let project = session.project().unwrap().clone();
+    assert!(session.store().image(&project.frames[4]).is_ok());
+    let again = Command::Relocate { from: more, to: folder.path().into() };
+    assert!(perform(&mut session, again).unwrap_err().to_string().contains("no frame comes from"));
+}

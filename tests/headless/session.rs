@@ -1,0 +1,210 @@
+//! The whole way through a session on real RGB-D frames: open, prompt, track, fuse, export, undo, open again.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use glam::DVec2;
+use ostra::frames::{FrameFolder, OpenRequest};
+use ostra::masks::{Click, LabelId, Prompt, deepest_point, read_palette_png};
+use ostra::session::{
+    Command, Event, ExportRequest, FuseRequest, MaskOrigin, NewProject, PromptRequest, ReconstructRequest, ResultKind,
+    Session, TrackSettings,
+};
+
+use crate::support::data_dir;
+
+/// Carries out a command to its end.
+fn perform(session: &mut Session, command: Command) -> anyhow::Result<Vec<Event>> {
+    session.act(command)?;
+    let events = session.settle(|_| ControlFlow::Continue(()));
+    for event in &events {
+        if let Event::Failed { error, .. } = event {
+            anyhow::bail!("{error}");
+        }
+    }
+    Ok(events)
+}
+
+fn new_project(data: &Path, root: &Path) -> Command {
+    let shelf = data.join("apc_shelf_rgbd_labels");
+    let sources = vec![FrameFolder { frames: shelf.join("color"), depth: Some(shelf.join("depth")) }];
+    let open = OpenRequest { sources, ..OpenRequest::default() };
+    Command::New(NewProject { root: root.into(), open, cameras: Some(shelf.join("sparse")), intrinsics: None })
+}
+
+/// A click on the deepest point of each true object on frame 0, and one on frame 8.
+fn clicks(data: &Path) -> Vec<PromptRequest> {
+    let mut clicks = Vec::new();
+    for (frame, labels) in [(0, [1, 3]), (8, [2, 4])] {
+        let truth = read_palette_png(&data.join(format!("apc_shelf_rgbd_labels/labels/{frame:06}.png"))).unwrap();
+        for label in labels.map(LabelId) {
+            let (x, y) = deepest_point(&truth.region(label)).unwrap();
+            let at_px = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let prompt = Prompt { clicks: vec![Click { at_px, include: true }], boxes: Vec::new() };
+            clicks.push(PromptRequest { frame, label, prompt, segmenter: "auto".into() });
+        }
+    }
+    clicks
+}
+
+fn track() -> Command {
+    Command::Track(TrackSettings {
+        tracker: "auto".into(),
+        from: None,
+        to: None,
+        direction: Default::default(),
+        constrain: false,
+    })
+}
+
+fn fuse() -> Command {
+    Command::Fuse(FuseRequest { voxel: Some(0.006), ..FuseRequest::default() })
+}
+
+/// Opens the shelf, prompts four objects, tracks and fuses.
+fn way_through(data: &Path, root: &Path) -> Session {
+    let mut session = Session::new();
+    perform(&mut session, new_project(data, root)).unwrap();
+    for name in ["stems", "bunny", "tissues", "jokes"] {
+        perform(&mut session, Command::AddLabel { name: name.into(), parent: None, color: None }).unwrap();
+    }
+    for prompt in clicks(data) {
+        perform(&mut session, Command::Prompt(prompt)).unwrap();
+    }
+    let events = perform(&mut session, track()).unwrap();
+    assert!(events.contains(&Event::Notice("tracker: geometry".into())), "{events:?}");
+    let reconstruct = ReconstructRequest { method: Default::default(), every: 1, device: "auto".into() };
+    perform(&mut session, Command::Reconstruct(reconstruct)).unwrap();
+    perform(&mut session, fuse()).unwrap();
+    session
+}
+
+#[test]
+fn the_way_through_can_be_undone_repeated_and_opened_again() {
+    let Some(data) = data_dir() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("shelf");
+    let mut session = way_through(&data, &root);
+    let end = session.project().unwrap().clone();
+    assert_eq!(end.masks.len(), 15);
+    assert_eq!(end.masks.values().filter(|mask| mask.origin == MaskOrigin::Anchor).count(), 2);
+    assert!(end.results.values().all(|record| !record.stale), "{:?}", end.results);
+    assert_eq!(end.results[&ResultKind::Cameras].engine, "given");
+    let cloud = session.cloud().unwrap().clone();
+    assert!((1..=4).all(|id| cloud.labels.contains(&LabelId(id))), "every object is in the cloud");
+    assert_eq!(session.votes().unwrap().len(), cloud.len());
+
+    exports(&mut session, folder.path());
+    repeated(&session, &data, folder.path());
+    undone_and_redone(&mut session, &end);
+
+    drop(session);
+    let mut session = Session::new();
+    let events = perform(&mut session, Command::Open(root.clone())).unwrap();
+    assert!(events.contains(&Event::Opened(root.clone())), "{events:?}");
+    assert_eq!(session.project().unwrap(), &end);
+    assert!(session.cloud().is_none(), "loaded when asked for");
+    session.settle(|_| ControlFlow::Continue(()));
+    assert_eq!(session.cloud().unwrap().positions, cloud.positions);
+    assert_eq!(session.undo_title(), Some("Fuse"));
+}
+
+fn exports(session: &mut Session, folder: &Path) {
+    let out = folder.join("out");
+    let request = ExportRequest {
+        cloud: Some(out.join("cloud.ply")),
+        cameras: Some(out.join("sparse")),
+        masks: Some(out.join("masks")),
+        depths: Some(out.join("depths")),
+        traits: Some(out.join("traits.csv")),
+        twin: true,
+        per_label: true,
+        ..ExportRequest::default()
+    };
+    perform(session, Command::Export(request)).unwrap();
+    for name in ["cloud.ply", "cloud_labels.ply", "cloud_bunny.ply", "sparse/images.txt", "masks/000003.png"] {
+        assert!(out.join(name).is_file(), "{name}");
+    }
+    let file = std::fs::File::open(out.join("depths/000003.tiff")).unwrap();
+    let mut depth = tiff::decoder::Decoder::new(file).unwrap();
+    assert_eq!(depth.dimensions().unwrap(), (640, 480));
+    let tiff::decoder::DecodingResult::F32(depth) = depth.read_image().unwrap() else { panic!("32-bit floats") };
+    assert!(depth.iter().any(|depth| (0.2..3.0).contains(depth)), "depth in metres");
+    let traits = std::fs::read_to_string(out.join("traits.csv")).unwrap();
+    assert!(traits.contains("bunny"), "{traits}");
+    let mesh = ExportRequest { mesh: Some(out.join("mesh.ply")), ..ExportRequest::default() };
+    let error = perform(session, Command::Export(mesh)).unwrap_err().to_string();
+    assert!(error.contains("has no mesh"), "{error}");
+}
+
+/// The commands of a session, run by another, make an equal project.
+fn repeated(session: &Session, data: &Path, folder: &Path) {
+    let text = serde_json::to_string(session.recipe()).unwrap();
+    let recipe: ostra::session::Recipe = serde_json::from_str(&text).unwrap();
+    assert_eq!(&recipe, session.recipe());
+    let mut again = Session::new();
+    for command in recipe.commands {
+        let command = match command {
+            Command::New(_) => new_project(data, &folder.join("again")),
+            Command::Export(_) => continue,
+            command => command,
+        };
+        perform(&mut again, command).unwrap();
+    }
+    let (first, second) = (session.project().unwrap(), again.project().unwrap());
+    assert_eq!((&first.frames, &first.labels), (&second.frames, &second.labels));
+    assert_eq!((&first.prompts, &first.masks), (&second.prompts, &second.masks));
+    assert_eq!(first.results.keys().collect::<Vec<_>>(), second.results.keys().collect::<Vec<_>>());
+    let bytes = |session: &Session| std::fs::read(session.root().unwrap().join("cloud.ply")).unwrap();
+    assert!(bytes(session) == bytes(&again), "equal bytes");
+}
+
+fn undone_and_redone(session: &mut Session, end: &ostra::session::Project) {
+    let cloud_file = session.root().unwrap().join("cloud.ply");
+    let first = std::fs::read(&cloud_file).unwrap();
+    perform(session, Command::Fuse(FuseRequest { voxel: Some(0.02), ..FuseRequest::default() })).unwrap();
+    assert_ne!(std::fs::read(&cloud_file).unwrap(), first);
+    perform(session, Command::Undo).unwrap();
+    assert!(std::fs::read(&cloud_file).unwrap() == first, "undo brings the earlier cloud back");
+    assert!(session.cloud().is_none());
+    session.settle(|_| ControlFlow::Continue(()));
+    assert!(session.cloud().is_some_and(|cloud| cloud.len() > 10_000));
+    let mut steps = 0;
+    while session.undo_title().is_some() {
+        perform(session, Command::Undo).unwrap();
+        steps += 1;
+    }
+    assert_eq!(steps, 4 + 4 + 3, "labels, prompts, track, reconstruct, fuse");
+    assert!(session.project().unwrap().masks.is_empty() && !cloud_file.exists());
+    for _ in 0..steps {
+        perform(session, Command::Redo).unwrap();
+    }
+    assert_eq!(**session.project().unwrap(), *end);
+    assert!(std::fs::read(&cloud_file).unwrap() == first);
+}
+
+#[test]
+fn a_stopped_tracking_keeps_what_it_has() {
+    let Some(data) = data_dir() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = Session::new();
+    perform(&mut session, new_project(&data, &folder.path().join("shelf"))).unwrap();
+    perform(&mut session, Command::AddLabel { name: "stems".into(), parent: None, color: None }).unwrap();
+    perform(&mut session, Command::Prompt(clicks(&data).swap_remove(0))).unwrap();
+    session.act(track()).unwrap();
+    assert!(session.act(track()).is_err(), "one long job at a time");
+    let mut glances = 0;
+    let events = session.settle(|jobs| {
+        glances += 1;
+        let begun = jobs.iter().any(|job| job.report.done > 0);
+        if begun { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    let stopped = events.iter().any(|event| matches!(event, Event::Stopped { title, .. } if title == "Track"));
+    let finished = events.iter().any(|event| matches!(event, Event::Finished { title, .. } if title == "Track"));
+    assert!(stopped || finished, "{events:?}");
+    let tracked = session.project().unwrap().masks.len() - 1;
+    let told = session.project().unwrap().results.get(&ResultKind::Tracking).map_or(0, |record| record.frames);
+    assert_eq!(told, tracked);
+    perform(&mut session, Command::Undo).unwrap();
+    assert_eq!(session.project().unwrap().masks.len(), if tracked > 0 { 1 } else { 0 });
+}
