@@ -1,51 +1,46 @@
 //! Fusion of `redkitchen_rgbd_a` at 1 cm with a mask on every frame: frames a second, decoding included, and peak
 //! memory; then relabelling, and a large cloud through a PLY file.
 
-use std::path::Path;
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a bench speaks to the user and may panic"
+)]
+
 use std::sync::Arc;
 use std::time::Instant;
 
 use ostra::engine::job::Progress;
-use ostra::frames::{Frame, FrameCamera, FrameFolder, FrameStore, OpenRequest, open};
-use ostra::geometry::{Camera, Pose};
+use ostra::frames::Frame;
 use ostra::masks::{LabelId, LabelMask, LabelTree};
 use ostra::scene::LabelledCloud;
-use ostra::scene::fuse::{ChangedMask, FuseOptions, Fused, ProjectViews, fuse, read_votes, relabel, write_votes};
+use ostra::scene::fuse::{ChangedMask, FuseOptions, Fused, fuse, read_votes, relabel, write_votes};
 use ostra::scene::ply::{Coloring, read_ply, save_ply};
 
 #[path = "../support/mod.rs"]
 #[expect(dead_code, reason = "the benches share it with the integration tests and use a part")]
 mod support;
 
+/// Pictures and depths kept while fusing: so few that every pass decodes anew.
+const CACHE_BYTES: usize = 32 << 20;
+
 fn main() {
     let Some(data) = support::data_dir() else { return };
-    let frames = load(&data.join("redkitchen_rgbd_a"));
-    let fused = bench_fuse(&frames);
-    bench_relabel(&frames, &fused);
+    let set = data.join("redkitchen_rgbd_a");
+    let mut recording = support::recording::Recording::open(&set, "color", Some("depth"), None, CACHE_BYTES);
+    recording.masks = recording.frames.iter().map(|frame| Some(mask(frame, 0))).collect();
+    let fused = bench_fuse(&recording);
+    bench_relabel(&recording.frames, &fused);
     bench_votes_file(&fused);
     bench_ply();
 }
 
-fn load(dir: &Path) -> Vec<Frame> {
-    let source = FrameFolder { frames: dir.join("color"), depth: Some(dir.join("depth")) };
-    let request = OpenRequest { sources: vec![source], ..OpenRequest::default() };
-    let mut frames = open(&request, &Progress::default()).unwrap().frames;
-    let numbers = |line: &str| -> Vec<f64> { line.split_whitespace().filter_map(|w| w.parse().ok()).collect() };
-    let cameras = std::fs::read_to_string(dir.join("sparse/cameras.txt")).unwrap();
-    let c = numbers(cameras.lines().last().unwrap());
-    let intrinsics = Camera::pinhole(c[1] as u32, c[2] as u32, c[3], c[4], c[5], c[6]);
-    let images = std::fs::read_to_string(dir.join("sparse/images.txt")).unwrap();
-    for line in images.lines().filter(|l| !l.starts_with('#') && !l.is_empty()) {
-        let n = numbers(line);
-        let name = line.split_whitespace().last().unwrap();
-        let pose = Pose {
-            rotation: glam::DQuat::from_xyzw(n[2], n[3], n[4], n[1]).normalize(),
-            translation: glam::DVec3::new(n[5], n[6], n[7]),
-        };
-        let frame = frames.iter_mut().find(|f| f.name == name).unwrap();
-        frame.camera = Some(FrameCamera { intrinsics, camera_from_world: Some(pose) });
-    }
-    frames
+/// Wall and CPU seconds of some work.
+fn timed<T>(work: impl FnOnce() -> T) -> (T, f64, f64) {
+    let (start, cpu) = (Instant::now(), cpu_seconds());
+    let done = work();
+    (done, start.elapsed().as_secs_f64(), cpu_seconds() - cpu)
 }
 
 /// A mask whose labels do not matter, only that it votes.
@@ -55,22 +50,16 @@ fn mask(frame: &Frame, shift: u32) -> Arc<LabelMask> {
     Arc::new(LabelMask { width: frame.width, height: frame.height, ids })
 }
 
-fn bench_fuse(frames: &[Frame]) -> Fused {
-    let store = FrameStore::new(32 << 20);
-    let masks = |index: usize| Some(mask(&frames[index], 0));
-    let views = ProjectViews { frames, store: &store, masks: &masks };
+fn bench_fuse(recording: &support::recording::Recording) -> Fused {
     let options = FuseOptions { voxel: Some(0.01), ..FuseOptions::default() };
-    let (start, cpu) = (Instant::now(), cpu_seconds());
-    let fused = fuse(&views, &LabelTree::default(), &options, &Progress::default()).unwrap();
-    let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_seconds() - cpu);
+    let (fused, wall, cpu) = timed(|| fuse(recording, &LabelTree::default(), &options, &Progress::default()).unwrap());
+    let count = recording.frames.len() as f64;
     println!(
-        "fuse: {} frames in {wall:.2} s = {:.1} frames/s ({cpu:.2} s of CPU = {:.1} frames/s on 2 idle cores), {} points, peak {} MB",
-        frames.len(),
-        frames.len() as f64 / wall,
-        frames.len() as f64 / cpu * 2.0,
-        fused.cloud.len(),
-        peak_memory_mb()
+        "fuse: {count} frames in {wall:.2} s = {:.1} frames/s; {cpu:.2} s of CPU = {:.1} frames/s on two cores of its own",
+        count / wall,
+        2.0 * count / cpu
     );
+    println!("      {} points, peak {} MB", fused.cloud.len(), peak_memory_mb());
     fused
 }
 
@@ -78,33 +67,29 @@ fn bench_relabel(frames: &[Frame], fused: &Fused) {
     for count in [1, frames.len()] {
         let changed: Vec<ChangedMask> =
             (0..count).map(|frame| ChangedMask { frame, mask: Some(mask(&frames[frame], 40)) }).collect();
-        let start = Instant::now();
-        relabel(&fused.cloud, &fused.votes, &changed, &LabelTree::default(), &Progress::default()).unwrap();
-        println!("relabel: {count} frames changed: {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
+        let tree = LabelTree::default();
+        let (_, wall, cpu) =
+            timed(|| relabel(&fused.cloud, &fused.votes, &changed, &tree, &Progress::default()).unwrap());
+        println!("relabel: {count} frames changed: {wall:.2} s, {cpu:.2} s of CPU");
     }
 }
 
 fn bench_votes_file(fused: &Fused) {
     let mut bytes = Vec::new();
-    let start = Instant::now();
-    write_votes(&mut bytes, &fused.votes).unwrap();
-    let written = start.elapsed().as_secs_f64();
-    read_votes(&bytes[..]).unwrap();
-    let read = start.elapsed().as_secs_f64() - written;
-    println!("votes: {} MB, written in {:.0} ms, read in {:.0} ms", bytes.len() >> 20, written * 1e3, read * 1e3);
+    let ((), _, written) = timed(|| write_votes(&mut bytes, &fused.votes).unwrap());
+    let (_, _, read) = timed(|| read_votes(&bytes[..]).unwrap());
+    println!("votes: {} MB; {written:.2} s of CPU to write, {read:.2} s to read", bytes.len() >> 20);
 }
 
 fn bench_ply() {
     let position = |i: u32| glam::Vec3::new(i as f32, (i % 1000) as f32, 0.5) * 0.001;
     let cloud = LabelledCloud::from_positions((0..5_000_000).map(position).collect());
     let path = std::env::temp_dir().join(format!("ostra-bench-{}.ply", std::process::id()));
-    let start = Instant::now();
-    save_ply(&path, &cloud, Coloring::Picture, &Progress::default()).unwrap();
-    let written = start.elapsed().as_secs_f64();
-    read_ply(&path, &Progress::default()).unwrap();
-    let read = start.elapsed().as_secs_f64() - written;
+    let ((), wall, cpu) = timed(|| save_ply(&path, &cloud, Coloring::Picture, &Progress::default()).unwrap());
+    println!("ply: 5 M points written in {wall:.2} s, {cpu:.2} s of CPU");
+    let (_, wall, cpu) = timed(|| read_ply(&path, &Progress::default()).unwrap());
+    println!("ply: 5 M points read in {wall:.2} s, {cpu:.2} s of CPU");
     std::fs::remove_file(&path).unwrap();
-    println!("ply: 5 M points written (with fsync) in {:.0} ms, read in {:.0} ms", written * 1e3, read * 1e3);
 }
 
 fn peak_memory_mb() -> u64 {

@@ -60,7 +60,7 @@ fn sources() -> Vec<Source> {
             } else if path.extension().is_some_and(|ending| ending == "rs") {
                 let text = std::fs::read_to_string(&path).unwrap();
                 let below = path.strip_prefix(src()).unwrap().to_string_lossy().replace('\\', "/");
-                let is_test = below.ends_with("/tests.rs");
+                let is_test = is_test_module(&path);
                 let code = if is_test { String::new() } else { product_code(&text) };
                 found.push(Source { path: below, code, lines: text.lines().count() });
             }
@@ -69,6 +69,16 @@ fn sources() -> Vec<Source> {
     found.sort_by(|a, b| a.path.cmp(&b.path));
     assert!(found.len() > 30, "the sources are found: {}", found.len());
     found
+}
+
+/// Whether the module, or a folder it lies in, is declared under `#[cfg(test)]`.
+fn is_test_module(path: &Path) -> bool {
+    let named = |path: &Path| path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    path.ancestors().take_while(|above| *above != src()).any(|above| {
+        let declared_in = above.parent().map(|folder| folder.join("mod.rs"));
+        let owner = declared_in.filter(|file| file != above).and_then(|file| std::fs::read_to_string(file).ok());
+        owner.is_some_and(|text| text.contains(&format!("#[cfg(test)]\nmod {};", named(above))))
+    })
 }
 
 /// The code without comment lines and without what follows `#[cfg(test)]`.

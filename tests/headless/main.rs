@@ -9,6 +9,8 @@ mod architecture;
 #[cfg(test)]
 mod cameras;
 #[cfg(test)]
+mod carry;
+#[cfg(test)]
 mod command_line;
 #[cfg(test)]
 mod crash;

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+pub mod recording;
+
 /// The folder of real data sets (`OSTRA_DATA`, by default `../shared/data`); `None`, after a printed line, where it is
 /// missing, which is a failure when `CI` is set.
 pub fn data_dir() -> Option<PathBuf> {

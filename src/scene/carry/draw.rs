@@ -38,7 +38,8 @@ pub fn draw(source: &Viewpoint, target: &Viewpoint, canvas: &mut [Drawn], progre
     let see = |at: usize| {
         let point: Vec3 = source.point(at)?;
         let moved = passage.transform(point);
-        Some(Seen { at_px: passage.project(moved)?, depth: moved.z, own_depth: point.z })
+        let at_px = passage.project(moved).filter(|at| at.is_finite())?;
+        Some(Seen { at_px, depth: moved.z, own_depth: point.z })
     };
     let mut next: Vec<Option<Seen>> = (0..width).map(&see).collect();
     for row in 0..height {

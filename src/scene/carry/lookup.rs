@@ -81,5 +81,5 @@ fn surface_at(view: &Viewpoint, x: usize, y: usize, z: f32, tolerance: &Toleranc
         }
     }
     let ratio = least / limit;
-    (ratio <= 1.0).then(|| (best, share * (1.0 - 0.75 * ratio * ratio)))
+    (ratio <= 1.0).then_some((best, share * (1.0 - 0.75 * ratio * ratio)))
 }

@@ -5,14 +5,16 @@
 mod anchor;
 mod choose;
 mod complete;
+mod decide;
 mod draw;
 mod lookup;
 mod options;
 mod pixel_box;
+mod ready;
 mod refine;
+mod run;
 mod sightings;
 mod smooth;
-mod target;
 mod tolerance;
 mod tracker;
 mod viewpoint;
@@ -21,3 +23,6 @@ mod vote;
 
 pub use options::CarryOptions;
 pub use tracker::GeometryTracker;
+
+#[cfg(test)]
+mod tests;

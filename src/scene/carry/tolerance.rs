@@ -22,6 +22,11 @@ impl Tolerance {
         Self { share, median }
     }
 
+    /// The most that the options allow.
+    pub fn most(view: &Viewpoint, options: &CarryOptions) -> Self {
+        Self::new(options.most_tolerance, view.median_depth().unwrap_or(1.0))
+    }
+
     /// From how much the depths of two frames differ where they see the same place: three times the median, within the
     /// limits of the options; the upper limit where they see too little of the same.
     pub fn measured(from: &Viewpoint, to: &Viewpoint, options: &CarryOptions) -> Self {
@@ -45,9 +50,6 @@ impl Tolerance {
         } else {
             options.most_tolerance
         };
-        if std::env::var("SHOW").is_ok() {
-            println!("tolerance {share:.4} from {median:.4} of {}", differences.len());
-        }
         Self { share, ..unit }
     }
 

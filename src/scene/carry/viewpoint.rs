@@ -103,7 +103,7 @@ impl Passage {
         }
         match &self.lens {
             Lens::Pinhole { focal, principal } => Some(point.truncate() / point.z * *focal + *principal),
-            Lens::Distorted(camera) => camera.project(point.as_dvec3()).map(|at| at.as_vec2()),
+            Lens::Distorted(camera) => camera.project(point.as_dvec3()).map(glam::DVec2::as_vec2),
         }
     }
 

@@ -3,17 +3,18 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::Vec2;
 
 use super::viewpoint::{Stand, Viewpoint};
-use crate::frames::{Frame, FrameError, FrameStore};
+use crate::frames::{Frame, FrameStore, Image};
 use crate::geometry::Camera;
+use crate::masks::MaskError;
 
 /// Tables of rays kept at once; frames of one camera share theirs.
 const TABLES: usize = 4;
 
-/// The frames of a request as viewpoints; depth is loaded on demand.
+/// The frames of a request as viewpoints; pixels are loaded on demand.
 #[derive(Debug)]
 pub struct Views<'a> {
-    pub frames: &'a [Frame],
-    pub store: &'a FrameStore,
+    frames: &'a [Frame],
+    store: &'a FrameStore,
     tables: Mutex<Vec<(Camera, Arc<Vec<Vec2>>)>>,
 }
 
@@ -27,24 +28,40 @@ impl<'a> Views<'a> {
         let frame = &self.frames[frame];
         frame.depth.as_ref()?;
         let (&camera, &camera_from_world) = frame.posed_camera()?;
-        ((camera.width, camera.height) == (frame.width, frame.height)).then_some(Stand { camera, camera_from_world })
+        Some(Stand { camera, camera_from_world })
     }
 
-    /// The frame with its depth; `None` where depth or camera is missing.
-    pub fn load(&self, frame: usize) -> Result<Option<Viewpoint>, FrameError> {
-        let Some(stand) = self.stand(frame) else { return Ok(None) };
-        let Some(depth) = self.store.depth(&self.frames[frame])? else { return Ok(None) };
-        Ok(Some(Viewpoint { stand, depth, rays: self.rays(&stand.camera) }))
+    /// All frames that have depth and camera.
+    pub fn stands(&self) -> impl Iterator<Item = (usize, Stand)> {
+        (0..self.frames.len()).filter_map(|frame| Some((frame, self.stand(frame)?)))
+    }
+
+    /// A frame that has a [`Self::stand`], with its depth.
+    pub fn load(&self, frame: usize) -> Result<Viewpoint, MaskError> {
+        let of = &self.frames[frame];
+        let depth = self.store.depth(of)?;
+        let (Some(stand), Some(depth)) = (self.stand(frame), depth) else {
+            return Err(MaskError::Request(format!("{} has no depth or no camera", of.name)));
+        };
+        let sizes = [(stand.camera.width, stand.camera.height), (depth.width, depth.height)];
+        if let Some((width, height)) = sizes.into_iter().find(|&size| size != (of.width, of.height)) {
+            let text = format!("{}: picture {}x{}, camera or depth {width}x{height}", of.name, of.width, of.height);
+            return Err(MaskError::Request(format!("{text}; give them in one size")));
+        }
+        Ok(Viewpoint { stand, depth, rays: self.rays(&stand.camera) })
+    }
+
+    pub fn image(&self, frame: usize) -> Result<Arc<Image>, MaskError> {
+        Ok(self.store.image(&self.frames[frame])?)
     }
 
     fn rays(&self, camera: &Camera) -> Arc<Vec<Vec2>> {
-        let mut tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, rays)) = tables.iter().find(|(of, _)| of == camera) {
+        let lock = || self.tables.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, rays)) = lock().iter().find(|(of, _)| of == camera) {
             return rays.clone();
         }
-        drop(tables);
         let rays = Arc::new(rays_of(camera));
-        tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut tables = lock();
         if tables.len() >= TABLES {
             tables.remove(0);
         }

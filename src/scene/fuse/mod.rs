@@ -21,6 +21,7 @@ mod source;
 mod splat;
 #[cfg(test)]
 mod tests;
+mod tolerance;
 mod view;
 mod visible;
 mod vote;

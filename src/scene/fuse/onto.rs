@@ -2,8 +2,9 @@ use serde::{Deserialize, Serialize};
 
 use super::relabel::labelled;
 use super::report::{FuseReport, naming};
-use super::run::{Fused, finish, voting_frames};
+use super::run::{Fused, finish};
 use super::source::Views;
+use super::tolerance::measured_tolerance;
 use super::visible::Tolerance;
 use super::vote::{VoteOptions, vote};
 use crate::engine::job::Progress;
@@ -20,8 +21,8 @@ pub struct OntoOptions {
     /// Leave points without a label out.
     pub drop_unlabelled: bool,
     /// A frame with depth sees a point when their depths differ by at most this share of the depth, and two spacings of
-    /// the cloud; 0–1.
-    pub depth_tolerance: f32,
+    /// the cloud; 0–1. `None` = measured: what nine tenths of the depths keep to.
+    pub depth_tolerance: Option<f32>,
     /// Radius in world units that a point covers where frames have no depth and the cloud hides itself, above 0.
     /// `None` = from the spacing of the points.
     pub radius: Option<f64>,
@@ -34,7 +35,7 @@ impl Default for OntoOptions {
         Self {
             min_confidence: 0.0,
             drop_unlabelled: false,
-            depth_tolerance: 0.01,
+            depth_tolerance: None,
             radius: None,
             pair_budget_bytes: 512 << 20,
         }
@@ -54,22 +55,28 @@ pub fn vote_onto(
     options: &OntoOptions,
     progress: &Progress,
 ) -> Result<Fused, SceneError> {
-    let mut report = FuseReport { frames_voted: voting_frames(views), ..FuseReport::default() };
-    if report.frames_voted == 0 {
-        return Err(SceneError::Request("no frame has both a mask and a camera with a pose; add masks first".into()));
-    }
+    let mut report = FuseReport::default();
     let frames = views.frames().iter();
     let no_camera: Vec<&str> =
         frames.filter(|frame| frame.posed_camera().is_none()).map(|frame| frame.name.as_str()).collect();
     report.warnings.extend(naming("have no camera and are left out", &no_camera));
     let spacing = spacing(&cloud.positions)
         .ok_or_else(|| SceneError::Request("the cloud has too few points to label; give another".into()))?;
+    let with_depth: Vec<usize> = (0..views.frames().len()).filter(|&index| views.has_depth(index)).collect();
+    report.depth_tolerance = match options.depth_tolerance {
+        Some(share) => f64::from(share),
+        None => measured_tolerance(&cloud.positions, views, &with_depth, 2.0 * spacing)?,
+    };
     let vote_options = VoteOptions {
-        tolerance: Tolerance { absolute: 2.0 * spacing, relative: f64::from(options.depth_tolerance) },
+        tolerance: Tolerance { absolute: 2.0 * spacing, relative: report.depth_tolerance },
         radius: options.radius.unwrap_or(2.0 * spacing),
         min_confidence: options.min_confidence,
         pair_budget_bytes: options.pair_budget_bytes,
     };
-    let votes = vote(&cloud.positions, views, &vote_options, progress)?;
-    Ok(finish(labelled(cloud, &votes, tree), votes, options.drop_unlabelled, report))
+    let voted = vote(&cloud.positions, views, &vote_options, progress)?;
+    report.frames_voted = voted.frames;
+    if voted.frames == 0 {
+        return Err(SceneError::Request("no frame has both a mask and a camera with a pose; add masks first".into()));
+    }
+    Ok(finish(labelled(cloud, &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
 }

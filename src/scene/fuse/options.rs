@@ -7,7 +7,7 @@ use crate::scene::points::OutlierOptions;
 #[serde(default)]
 pub struct FuseOptions {
     /// Edge of a voxel in world units, above 0; every voxel that frames fill gives one point. `None` = what one pixel
-    /// covers at the median depth.
+    /// covers at the median depth, of the labelled pixels where there are some.
     pub voxel: Option<f64>,
     /// Points whose label won a smaller share of the votes become unlabelled; 0–1.
     pub min_confidence: f32,
@@ -18,8 +18,9 @@ pub struct FuseOptions {
     /// A pixel counts as one surface with a neighbour whose depth differs by at most this share of the depth; pixels
     /// with too few such neighbours fly between two surfaces and are left out. 0–1; 1 keeps every pixel.
     pub edge_tolerance: f32,
-    /// A frame sees a point when their depths differ by at most this share of the depth, and one voxel; 0–1.
-    pub depth_tolerance: f32,
+    /// A frame sees a point when their depths differ by at most this share of the depth, and one voxel; 0–1. `None` =
+    /// measured: what nine tenths of the depths keep to.
+    pub depth_tolerance: Option<f32>,
     /// Statistical outlier removal; `None` = off.
     pub outliers: Option<OutlierOptions>,
     /// Memory for the (frame, pixel) pairs that voted; beyond it they are not kept, and the report says so.
@@ -34,7 +35,7 @@ impl Default for FuseOptions {
             drop_unlabelled: false,
             min_views: 1,
             edge_tolerance: 0.02,
-            depth_tolerance: 0.01,
+            depth_tolerance: None,
             outliers: None,
             pair_budget_bytes: 512 << 20,
         }

@@ -24,6 +24,8 @@ pub struct Dropped {
 pub struct FuseReport {
     /// Edge of a voxel in world units; 0 where a given cloud was labelled.
     pub voxel: f64,
+    /// Share of the depth by which a frame's depth may differ from a point that it sees.
+    pub depth_tolerance: f64,
     /// Frames that gave points.
     pub frames_fused: usize,
     /// Frames that voted.

@@ -9,6 +9,7 @@ use super::options::FuseOptions;
 use super::relabel::labelled;
 use super::report::{FuseReport, naming};
 use super::source::{Views, check_size};
+use super::tolerance::measured_tolerance;
 use super::view::View;
 use super::visible::Tolerance;
 use super::vote::{VoteOptions, vote};
@@ -53,17 +54,21 @@ pub fn fuse(
         None => pixel_footprint(views, &usable)?.ok_or_else(no_depth)?,
     };
     let points = make_points(views, &usable, options, &mut report, progress)?;
+    report.depth_tolerance = match options.depth_tolerance {
+        Some(share) => f64::from(share),
+        None => measured_tolerance(&points.positions, views, &usable, report.voxel)?,
+    };
     let vote_options = VoteOptions {
-        tolerance: Tolerance { absolute: report.voxel, relative: f64::from(options.depth_tolerance) },
+        tolerance: Tolerance { absolute: report.voxel, relative: report.depth_tolerance },
         radius: report.voxel,
         min_confidence: options.min_confidence,
         pair_budget_bytes: options.pair_budget_bytes,
     };
-    let votes = vote(&points.positions, views, &vote_options, progress)?;
-    report.frames_voted = voting_frames(views);
+    let voted = vote(&points.positions, views, &vote_options, progress)?;
+    report.frames_voted = voted.frames;
     let mut cloud = LabelledCloud::from_positions(points.positions);
     (cloud.normals, cloud.colors) = (points.normals, points.colors);
-    Ok(finish(labelled(&cloud, &votes, tree), votes, options.drop_unlabelled, report))
+    Ok(finish(labelled(&cloud, &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
 }
 
 fn check_options(options: &FuseOptions) -> Result<(), SceneError> {
@@ -71,7 +76,7 @@ fn check_options(options: &FuseOptions) -> Result<(), SceneError> {
     if let Some(voxel) = options.voxel.filter(|voxel| !(voxel.is_finite() && *voxel > 0.0)) {
         return refuse(format!("a voxel size of {voxel} is not possible; give a length above 0"));
     }
-    let shares = [options.min_confidence, options.edge_tolerance, options.depth_tolerance];
+    let shares = [options.min_confidence, options.edge_tolerance, options.depth_tolerance.unwrap_or(0.0)];
     if let Some(share) = shares.iter().find(|share| !(0.0..=1.0).contains(*share)) {
         return refuse(format!("{share} is no share; confidence and tolerances go from 0 to 1"));
     }
@@ -181,12 +186,6 @@ fn keep_inliers(
         colors: near.iter().map(|&index| points.colors[index]).collect(),
         few_views: points.few_views,
     })
-}
-
-/// Number of frames that have both a camera and a mask.
-pub(super) fn voting_frames(views: &dyn Views) -> usize {
-    let votes = |&index: &usize| views.frames()[index].posed_camera().is_some() && views.mask(index).is_some();
-    (0..views.frames().len()).filter(votes).count()
 }
 
 /// Leaves out what is not wanted and counts the rest.

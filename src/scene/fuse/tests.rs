@@ -305,7 +305,29 @@ fn frames_that_cannot_help_are_named_and_wrong_ones_refused() {
 
 #[test]
 fn the_voxel_size_is_what_a_pixel_covers() {
-    let fused = Scene::new(3).fused(&FuseOptions::default());
+    let mut scene = Scene::new(3);
+    let voxel = |scene: &Scene| scene.fused(&FuseOptions::default()).report.voxel;
     // Most pixels see the wall, about 3 away, at a focal length of 80 pixels.
-    assert!((0.03..0.045).contains(&fused.report.voxel), "{}", fused.report.voxel);
+    assert!((0.03..0.045).contains(&voxel(&scene)), "{}", voxel(&scene));
+    // The ball is 1.7 to 2 away.
+    for mask in &mut scene.masks {
+        let ids = mask.as_ref().unwrap().ids.iter().map(|&id| if id == BALL { BALL } else { LabelId::NONE }).collect();
+        *mask = Some(Arc::new(LabelMask { width: WIDTH, height: HEIGHT, ids }));
+    }
+    assert!((0.021..0.026).contains(&voxel(&scene)), "{}", voxel(&scene));
+}
+
+#[test]
+fn the_tolerance_is_what_the_depths_keep_to() {
+    let mut scene = Scene::new(5);
+    let exact = scene.fused(&options()).report.depth_tolerance;
+    for (view, depth) in scene.depths.iter_mut().enumerate() {
+        // Each frame is off by up to 4 % of the depth one way or the other.
+        let off = 1.0 + 0.01 * (view as f32 - 2.0) * 2.0;
+        let mut map = (**depth.as_ref().unwrap()).clone();
+        map.depths.iter_mut().for_each(|depth| *depth *= off);
+        *depth = Some(Arc::new(map));
+    }
+    let rough = scene.fused(&options()).report.depth_tolerance;
+    assert!(exact < 0.004 && rough >= 0.015, "{exact} {rough}");
 }

@@ -46,6 +46,12 @@ struct Chunk<'a> {
     ballots: Ballots,
 }
 
+/// The votes, and how many frames with a mask gave them.
+pub(super) struct Voted {
+    pub(super) votes: Votes,
+    pub(super) frames: usize,
+}
+
 /// Lets every frame vote on every point that it sees.
 ///
 /// Frames with a camera and a mask vote; frames with a camera but without a mask are recorded as seeing, so that a mask
@@ -55,16 +61,17 @@ pub(super) fn vote(
     views: &dyn Views,
     options: &VoteOptions,
     progress: &Progress,
-) -> Result<Votes, SceneError> {
+) -> Result<Voted, SceneError> {
     let mut chunks: Vec<Chunk<'_>> = points.par_chunks(CHUNK).map(Chunk::new).collect();
     let voters: Vec<usize> = voters(views);
     let mut frames: Vec<Arc<FramePairs>> = Vec::new();
-    let (mut has_pairs, mut bytes) = (true, 0);
+    let (mut has_pairs, mut bytes, mut voted) = (true, 0, 0);
     progress.stage("vote")?;
     let mut next = voters.first().map(|&index| Voting::load(points, views, index, options)).transpose()?;
     for done in 0..voters.len() {
         progress.step(done, voters.len())?;
         let Some(voting) = next.take() else { break };
+        voted += usize::from(voting.mask.is_some());
         let following = voters.get(done + 1);
         let (counted, loaded) = rayon::join(
             || count_votes(&mut chunks, &voting, has_pairs, progress),
@@ -81,7 +88,8 @@ pub(super) fn vote(
     }
     let counted: Vec<Histograms> = chunks.par_iter().map(|chunk| chunk.ballots.finish()).collect();
     let (offsets, entries) = joined(&counted);
-    Ok(Votes { offsets, entries, frames, has_pairs, min_confidence: options.min_confidence })
+    let votes = Votes { offsets, entries, frames, has_pairs, min_confidence: options.min_confidence };
+    Ok(Voted { votes, frames: voted })
 }
 
 /// The frames with a camera, if any of them has a mask.

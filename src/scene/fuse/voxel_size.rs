@@ -1,30 +1,46 @@
 use super::source::Views;
+use crate::masks::LabelId;
 use crate::scene::SceneError;
 
 /// Frames looked at.
 const FRAMES: usize = 8;
 /// Pixels of a frame looked at: every so many.
 const PIXEL_STEP: usize = 37;
+/// Labelled pixels among those that are enough to go by.
+const ENOUGH_LABELLED: usize = 20;
 
-/// What one pixel covers at the median depth, rounded to two digits: the finest detail that most pixels can show.
-/// `None` when no frame has a depth above 0.
+/// What one pixel covers at the median depth, rounded to two digits: the finest detail that most pixels can show. Where
+/// masks have labels, only labelled pixels count: a plant stands nearer than the wall behind it. `None` when no frame
+/// has a depth above 0.
 pub(super) fn pixel_footprint(views: &dyn Views, usable: &[usize]) -> Result<Option<f64>, SceneError> {
     let step = usable.len().div_ceil(FRAMES).max(1);
-    let mut footprints: Vec<f32> = Vec::new();
+    let (mut labelled, mut all) = (Vec::new(), Vec::new());
     for &index in usable.iter().step_by(step) {
         let (Some((camera, _)), Some(depth)) = (views.frames()[index].posed_camera(), views.depth(index)?) else {
             continue;
         };
         let focal = camera.focal_px.max_element() as f32;
-        let sampled = depth.depths.iter().step_by(PIXEL_STEP).filter(|&&d| d > 0.0 && d.is_finite());
-        footprints.extend(sampled.map(|d| d / focal));
+        let mask = views.mask(index);
+        let has_label =
+            |pixel: usize| mask.as_ref().and_then(|mask| mask.ids.get(pixel)).is_some_and(|&id| id != LabelId::NONE);
+        for (pixel, &depth) in depth.depths.iter().enumerate().step_by(PIXEL_STEP) {
+            if depth > 0.0 && depth.is_finite() {
+                all.push(depth / focal);
+                labelled.extend(has_label(pixel).then_some(depth / focal));
+            }
+        }
     }
-    if footprints.is_empty() {
-        return Ok(None);
+    let enough = labelled.len() >= ENOUGH_LABELLED;
+    Ok(median(if enough { labelled } else { all }).map(two_digits))
+}
+
+fn median(mut values: Vec<f32>) -> Option<f64> {
+    if values.is_empty() {
+        return None;
     }
-    let middle = footprints.len() / 2;
-    let (_, median, _) = footprints.select_nth_unstable_by(middle, f32::total_cmp);
-    Ok(Some(two_digits(f64::from(*median))))
+    let middle = values.len() / 2;
+    let (_, median, _) = values.select_nth_unstable_by(middle, f32::total_cmp);
+    Some(f64::from(*median))
 }
 
 fn two_digits(value: f64) -> f64 {

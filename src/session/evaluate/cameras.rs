@@ -29,8 +29,8 @@ pub struct CameraScore {
 /// When a file cannot be read, no camera matches, or too few match for the alignment.
 pub fn score_cameras(truth: &Path, result: &Path, alignment: Alignment) -> Result<CameraScore> {
     let (truth_cameras, result_cameras) = (GivenCameras::read(truth)?.cameras, GivenCameras::read(result)?.cameras);
-    let found = index(&result_cameras, |key| full_key(key));
-    let found_by_file = index(&result_cameras, |key| file_key(key));
+    let found = index(&result_cameras, full_key);
+    let found_by_file = index(&result_cameras, file_key);
     let mut pairs: Vec<(Pose, Pose)> = Vec::new();
     let mut missing = Vec::new();
     for camera in &truth_cameras {

@@ -1,3 +1,5 @@
+//! Tests of the mask formats: round trips, files made by hand, broken files.
+
 mod by_hand;
 mod pictures;
 mod round_trip;

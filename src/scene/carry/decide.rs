@@ -15,7 +15,6 @@ pub fn decide(
     votes: &Votes,
     target: &Viewpoint,
     image: &Image,
-    tolerance: &Tolerance,
     options: &CarryOptions,
     progress: &Progress,
 ) -> Result<(LabelMask, BTreeMap<LabelId, f32>), Stopped> {
@@ -25,7 +24,7 @@ pub fn decide(
         .map(|(label, around)| (label, around.grown(options.margin_px, votes.width, votes.height)))
         .collect();
     let Some(all) = boxes.values().copied().reduce(|a, b| a.union(&b)) else { return Ok((mask, BTreeMap::new())) };
-    let passing = passing(image, target, all, tolerance, options);
+    let passing = passing(image, target, all, &Tolerance::most(target, options), options);
     for (label, within) in boxes {
         progress.check()?;
         let part = passing.part(within.left - all.left, within.top - all.top, within.width(), within.height());

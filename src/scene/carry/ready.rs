@@ -1,0 +1,84 @@
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::anchor::Anchor;
+use super::choose::fillers_for;
+use super::complete::Completion;
+use super::options::CarryOptions;
+use super::tolerance::Tolerance;
+use super::viewpoint::Stand;
+use super::views::Views;
+use crate::engine::job::Progress;
+use crate::masks::{LabelId, LabelMask, MaskError};
+
+/// An anchor as the request gives it, before its depth is loaded.
+#[derive(Debug)]
+pub struct GivenAnchor<'a> {
+    pub frame: usize,
+    pub stand: Stand,
+    /// Labels of its mask, in order.
+    pub labels: Vec<LabelId>,
+    pub mask: &'a Arc<LabelMask>,
+}
+
+/// Bytes of anchors kept ready, about.
+const BUDGET_BYTES: usize = 192 << 20;
+
+type Slot = Arc<Mutex<Option<Arc<Anchor>>>>;
+
+/// Anchors that were made ready, the latest kept. Each is made by one thread while others wait for it.
+#[derive(Debug)]
+pub struct ReadyAnchors<'a> {
+    views: &'a Views<'a>,
+    options: &'a CarryOptions,
+    slots: Mutex<(BTreeMap<usize, Slot>, VecDeque<usize>)>,
+}
+
+impl<'a> ReadyAnchors<'a> {
+    pub fn new(views: &'a Views<'a>, options: &'a CarryOptions) -> Self {
+        Self { views, options, slots: Mutex::default() }
+    }
+
+    /// The anchor, made ready now if it is not.
+    pub fn get(&self, given: &GivenAnchor<'_>, progress: &Progress) -> Result<Arc<Anchor>, MaskError> {
+        let slot = self.slot(given.frame, given.mask.ids.len());
+        let mut slot = lock(&slot);
+        if let Some(anchor) = &*slot {
+            return Ok(anchor.clone());
+        }
+        let anchor = Arc::new(self.make(given, progress)?);
+        *slot = Some(anchor.clone());
+        Ok(anchor)
+    }
+
+    /// The place of an anchor; the oldest are given up for a new one.
+    fn slot(&self, frame: usize, pixels: usize) -> Slot {
+        let mut slots = lock(&self.slots);
+        let (of_frame, order) = &mut *slots;
+        if let Some(slot) = of_frame.get(&frame) {
+            return slot.clone();
+        }
+        let most = BUDGET_BYTES / (2 * size_of::<f32>() * pixels.max(1));
+        while order.len() >= most.max(4) {
+            order.pop_front().and_then(|oldest| of_frame.remove(&oldest));
+        }
+        order.push_back(frame);
+        of_frame.entry(frame).or_default().clone()
+    }
+
+    /// Fills the holes in the anchor's depth from other frames.
+    fn make(&self, given: &GivenAnchor<'_>, progress: &Progress) -> Result<Anchor, MaskError> {
+        let own = self.views.load(given.frame)?;
+        let mut completion = Completion::new(&own, Tolerance::most(&own, self.options));
+        let others = self.views.stands().filter(|&(frame, _)| frame != given.frame);
+        for filler in fillers_for(&own, others, self.options.fillers) {
+            completion.add(&self.views.load(filler)?, progress)?;
+        }
+        let filled = completion.finish();
+        Ok(Anchor::new(own, filled, given.mask.clone(), self.options))
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,58 @@
+//! A data set as frames with cameras, and with depths and true masks where it has them.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use ostra::engine::job::Progress;
+use ostra::frames::cameras::GivenCameras;
+use ostra::frames::{DepthMap, Frame, FrameFolder, FrameStore, Image, OpenRequest, open};
+use ostra::masks::{LabelMask, read_palette_png};
+use ostra::scene::SceneError;
+use ostra::scene::fuse::Views;
+
+/// A data set opened through the library, ready to be fused.
+pub struct Recording {
+    /// Its frames, with the cameras of `sparse/`.
+    pub frames: Vec<Frame>,
+    /// The mask of each frame, where there is one.
+    pub masks: Vec<Option<Arc<LabelMask>>>,
+    store: FrameStore,
+}
+
+impl Recording {
+    /// Opens the pictures of a data set's folder, with the folder of depths and of masks where given; pictures and
+    /// depths are kept up to `cache_bytes`.
+    pub fn open(set: &Path, pictures: &str, depths: Option<&str>, masks: Option<&str>, cache_bytes: usize) -> Self {
+        let source = FrameFolder { frames: set.join(pictures), depth: depths.map(|folder| set.join(folder)) };
+        let request = OpenRequest { sources: vec![source], ..OpenRequest::default() };
+        let mut frames = open(&request, &Progress::default()).unwrap().frames;
+        GivenCameras::read(&set.join("sparse")).unwrap().match_to(&mut frames).unwrap();
+        let mask = |frame: &Frame| {
+            let path = set.join(masks?).join(Path::new(&frame.name).with_extension("png"));
+            Some(Arc::new(read_palette_png(&path).unwrap()))
+        };
+        Self { masks: frames.iter().map(mask).collect(), frames, store: FrameStore::new(cache_bytes) }
+    }
+}
+
+impl Views for Recording {
+    fn frames(&self) -> &[Frame] {
+        &self.frames
+    }
+
+    fn has_depth(&self, index: usize) -> bool {
+        self.frames[index].depth.is_some()
+    }
+
+    fn image(&self, index: usize) -> Result<Arc<Image>, SceneError> {
+        Ok(self.store.image(&self.frames[index])?)
+    }
+
+    fn depth(&self, index: usize) -> Result<Option<Arc<DepthMap>>, SceneError> {
+        Ok(self.store.depth(&self.frames[index])?)
+    }
+
+    fn mask(&self, index: usize) -> Option<Arc<LabelMask>> {
+        self.masks[index].clone()
+    }
+}
