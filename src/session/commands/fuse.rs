@@ -12,7 +12,7 @@ use crate::masks::Label;
 use crate::scene::fuse::{FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto, write_votes};
 use crate::scene::ply::{Coloring, read_ply, save_ply};
 use crate::session::jobs::{Kind, Landing};
-use crate::session::store::{cloud_path, votes_path};
+use crate::session::store::{cloud_path, sync_folder, votes_path};
 use crate::session::{Edit, Event, FuseRequest, JobId, Project, ResultKind, ResultRecord, Session};
 
 impl Session {
@@ -28,6 +28,7 @@ impl Session {
             link.progress.stage("save")?;
             save_ply(&cloud_path(&root, version), &fused.cloud, Coloring::Picture, &link.progress)?;
             save_votes(&votes_path(&root, version), &fused.votes)?;
+            sync_folder(&root.join("versions"))?;
             let record = ResultRecord {
                 engine: if request.onto.is_some() { "onto".into() } else { "fuse".into() },
                 frames: fused.report.frames_voted,

@@ -89,6 +89,8 @@ impl Folder {
 
     fn create_in(root: &Path, project: &Project) -> Result<Self> {
         durable::make_folder(root)?;
+        // A folder above that cannot be listed is no reason not to go on.
+        let _ = root.parent().map(durable::sync_folder);
         let lock = Lock::take(root)?;
         let journal = Journal::open(&root.join("journal.jsonl"), &ReadRecords::default())?;
         manifest::write(root, project, 0)?;

@@ -23,17 +23,21 @@ pub struct Past {
 pub fn read(root: &Path, checkpoint: u64, journal: &[Record], warnings: &mut Vec<String>) -> Past {
     let path = root.join("history.jsonl");
     let mut past = Past::default();
+    let mut told = false;
     match read_records(&path) {
         Ok(read) => {
             past.length = read.ends.last().copied().unwrap_or(0);
             past.seq = read.records.last().map_or(0, |record| record.seq);
             read.records.into_iter().for_each(|record| record.fold(&mut past.history));
         }
-        Err(error) => warnings.push(format!("{error}; steps made before cannot be undone")),
+        Err(error) => {
+            warnings.push(format!("{error}; steps made before cannot be undone"));
+            told = true;
+        }
     }
     let joins = past.seq >= checkpoint || journal.iter().any(|record| record.seq == past.seq + 1);
     if !joins {
-        if warnings.is_empty() {
+        if !told {
             warnings.push(format!("{}: is not complete; steps made before cannot be undone", path.display()));
         }
         // What the journal still has of the steps before the checkpoint is not the whole of them.

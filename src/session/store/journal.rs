@@ -116,7 +116,9 @@ impl Journal {
     /// When the file cannot be read.
     pub fn lines_between(&self, after: u64, seq: u64) -> Result<Vec<u8>> {
         let bytes = std::fs::read(&self.path).with_context(|| format!("{}: cannot be read", self.path.display()))?;
-        Ok(bytes[self.end_of(after) as usize..self.end_of(seq) as usize].to_vec())
+        let lines = bytes.get(self.end_of(after) as usize..self.end_of(seq) as usize);
+        let changed = || format!("{}: was changed by another program; open the project again", self.path.display());
+        lines.map(<[u8]>::to_vec).with_context(changed)
     }
 
     /// Takes away the records up to `seq`, which `project.toml` and the history have by now.

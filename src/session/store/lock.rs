@@ -3,6 +3,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
 
+use super::durable;
+
 /// Keeps a second writer out of a project's folder until it is dropped (or the process ends).
 #[derive(Debug)]
 pub struct Lock {
@@ -16,7 +18,8 @@ impl Lock {
     /// When another holds it, or the folder cannot be written.
     pub fn take(root: &Path) -> Result<Self> {
         let path = root.join(".lock");
-        let file = OpenOptions::new().create(true).truncate(false).write(true).open(&path).with_context(|| {
+        let file = OpenOptions::new().create(true).truncate(false).write(true).open(&path);
+        let file = file.and_then(|file| check_writable(root).map(|()| file)).with_context(|| {
             format!("{}: cannot be written; a project needs a folder with write access", root.display())
         })?;
         match file.try_lock() {
@@ -29,4 +32,11 @@ impl Lock {
             }
         }
     }
+}
+
+/// The lock may be writable in a folder that is not: files could be changed there, but none replaced.
+fn check_writable(root: &Path) -> std::io::Result<()> {
+    let probe = durable::temporary(&root.join(".lock"));
+    File::create(&probe)?;
+    std::fs::remove_file(&probe)
 }

@@ -19,6 +19,7 @@ pub(super) mod packed_runs;
 mod record;
 mod versions;
 
+pub(super) use durable::sync_folder;
 pub use checkpoint::{Checkpoint, HISTORY_BYTES};
 pub use folder::{Folder, Loaded, Written};
 pub use record::{Act, Record};

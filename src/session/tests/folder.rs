@@ -188,3 +188,23 @@ fn a_failed_new_leaves_nothing() {
     let error = perform(&mut session, new("x/p", &place, None)).unwrap_err().to_string();
     assert!(error.contains("already holds a project"), "{error}");
 }
+
+#[test]
+#[cfg(unix)]
+fn a_read_only_folder_is_refused() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("p");
+    drop(painted(&root));
+    let before = snapshot(&root);
+    fs::set_permissions(&root, fs::Permissions::from_mode(0o555)).unwrap();
+    if fs::write(root.join("probe"), "").is_ok() {
+        return fs::remove_file(root.join("probe")).unwrap(); // the administrator may write anywhere
+    }
+    let error = format!("{:#}", open(&root).unwrap_err());
+    assert!(error.contains("a project needs a folder with write access") && !error.contains('\n'), "{error}");
+    let made = OpenProject::create(&root.join("q"), project());
+    assert!(format!("{:#}", made.unwrap_err()).contains("cannot be written"));
+    assert_eq!(snapshot(&root), before);
+    fs::set_permissions(&root, fs::Permissions::from_mode(0o755)).unwrap();
+}
