@@ -18,7 +18,8 @@ const BOX: LabelId = LabelId(1);
 const PLATE: LabelId = LabelId(2);
 
 /// Upright rectangles facing the camera: depth, left, right, top, bottom (metres), colour, label.
-const SURFACES: [(f64, [f64; 4], [u8; 3], LabelId); 3] = [
+type Card = (f64, [f64; 4], [u8; 3], LabelId);
+const SURFACES: [Card; 3] = [
     (2.0, [-9.0, 9.0, -9.0, 9.0], [200, 190, 180], LabelId::NONE),
     (1.5, [-0.4, 0.4, -0.3, 0.3], [60, 90, 200], BOX),
     (1.1, [0.1, 0.35, -0.1, 0.1], [220, 60, 50], PLATE),
@@ -38,7 +39,7 @@ fn render(camera: &FrameCamera) -> Vec<(usize, f64)> {
             let at_px = glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let ray = camera.intrinsics.unproject(at_px).extend(1.0);
             let (from, along) = (world_from_camera.translation, world_from_camera.rotation * ray);
-            let hit = |(i, (z, [l, r, t, b], ..)): (usize, &(f64, [f64; 4], [u8; 3], LabelId))| {
+            let hit = |(i, (z, [l, r, t, b], ..)): (usize, &Card)| {
                 let depth = (z - from.z) / along.z;
                 let at = from + depth * along;
                 ((*l..*r).contains(&at.x) && (*t..*b).contains(&at.y)).then_some((i, depth))
