@@ -111,7 +111,7 @@ mod tests {
 
     #[test]
     fn grains_before_a_wall_are_joined_and_the_wall_is_not() {
-        let regions = [region(10.0, 0.0), region(20.0, 0.4), region(30.0, 0.005), region(80.0, 0.0)];
+        let regions = [region(10.0, 0.0), region(20.0, 0.4), region(27.0, 0.005), region(80.0, 0.0)];
         let edge = |a, b| Edge { a, b, length: 5.0, strength: 1.0 };
         let found = bridges(&regions, &[edge(0, 1), edge(1, 2), edge(1, 3)], 100, &BridgeOptions::default());
         let pairs: Vec<(u32, u32)> = found.iter().map(|edge| (edge.a, edge.b)).collect();

@@ -24,6 +24,8 @@ pub(super) struct CandidateOptions {
     pub mixes: [(f32, f32); 3],
     /// Worth of one log odd on one pixel, in pixel sides of a border without any edge.
     pub data_weight: f32,
+    /// Weight of appearance where, with depth, like parts of the same thing in space are taken from it all.
+    pub scattered_odds: f32,
     /// Log odds against a region that is off the clicked depth.
     pub depth_weight: f32,
 }
@@ -36,6 +38,7 @@ impl Default for CandidateOptions {
             balloons: [-0.6, 0.0, 0.6],
             mixes: [(0.5, 0.5), (0.0, 1.0), (1.0, 0.2)],
             data_weight: 0.08,
+            scattered_odds: 1.2,
             depth_weight: 4.0,
         }
     }
@@ -100,26 +103,42 @@ impl<'a> Disc<'a> {
     }
 
     fn family(&self, options: &CandidateOptions) -> Vec<Candidate> {
-        let regions = &self.situation.graph.regions;
         let mut found = Vec::new();
         for (odds, geodesic) in options.mixes {
             let leaning: Vec<f32> =
                 self.odds.iter().zip(&self.geodesic).map(|(a, b)| odds * a + geodesic * b).collect();
+            let beyond =
+                |at: usize| 0.12 * ((self.situation.apart[at] - self.radius) / (self.radius + 10.0)).clamp(0.0, 10.0);
             for balloon in options.balloons {
-                let gain = |at: usize| {
-                    let beyond = ((self.situation.apart[at] - self.radius) / (self.radius + 10.0)).clamp(0.0, 10.0);
-                    options.data_weight
-                        * regions[at].area
-                        * (leaning[at] - balloon - 0.12 * beyond - options.depth_weight * self.situation.off_depth[at])
-                };
-                let gains: Vec<f32> = (0..regions.len()).map(gain).collect();
-                let change = cheapest_change(self.situation.graph, &self.roles, &gains, 0.5);
-                let change = self.situation.around_seed(&change);
-                let traits = traits_of(self.situation, &change, &self.odds, &self.geodesic);
-                found.push(Candidate { change, traits });
+                let change = self.cut(options, |at| leaning[at] - balloon - beyond(at));
+                found.push(self.candidate(self.situation.around_seed(&change)));
+            }
+        }
+        if let Some(same_thing) = &self.situation.same_thing {
+            for balloon in options.balloons {
+                let mut change = self.cut(options, |at| options.scattered_odds * self.odds[at] - balloon);
+                change.iter_mut().zip(same_thing).for_each(|(change, same)| *change &= same);
+                change[self.situation.seed as usize] = true;
+                found.push(self.candidate(change));
             }
         }
         found
+    }
+
+    /// The cheapest change when changing a pixel of a region is worth `log_odds`.
+    fn cut(&self, options: &CandidateOptions, log_odds: impl Fn(usize) -> f32) -> Vec<bool> {
+        let Situation { graph, off_depth, .. } = self.situation;
+        let gain = |at: usize| {
+            let worth = log_odds(at) - options.depth_weight * off_depth[at];
+            options.data_weight * graph.regions[at].area * worth
+        };
+        let gains: Vec<f32> = (0..self.roles.len()).map(gain).collect();
+        cheapest_change(graph, &self.roles, &gains, 0.5)
+    }
+
+    fn candidate(&self, change: Vec<bool>) -> Candidate {
+        let traits = traits_of(self.situation, &change, &self.odds, &self.geodesic);
+        Candidate { change, traits }
     }
 }
 

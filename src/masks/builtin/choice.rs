@@ -11,34 +11,44 @@ const SQUARE_SCALE: f32 = 0.3;
 /// Number of terms of a score.
 pub(super) const TERMS: usize = TRAITS + SQUARED.len();
 
-/// The three kinds of clicks, each with weights of its own.
+/// The kinds of clicks, each with weights of its own: without depth, then with depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     First,
     Include,
     Exclude,
+    DeepFirst,
+    DeepInclude,
+    DeepExclude,
 }
 
 /// Score weights: one row per [`Kind`], one weight per term.
-pub(super) type Weights = [[f32; TERMS]; 3];
+pub(super) type Weights = [[f32; TERMS]; 6];
 
 /// Fitted by `fitting.rs`: one row per [`Kind`], one weight per term.
 #[rustfmt::skip]
 pub(super) const WEIGHTS: Weights = [
-    [-63.0857, 0.0485, -2.9874, 0.6383, -16.6782, 0.0000, -5.0101, 1.8269, -1.0264, -0.1689, 0.4156, 12.5931, 0.0485, 0.0000, 0.0000, 2.7583, 1.8254, -9.6080, -0.6926, -7.1975, -0.0825, -2.8695, -2.1713, -0.0031, -0.2879],
-    [-7.5419, -0.4040, -1.0667, 0.1123, -1.6529, 9.6874, 1.0584, 0.4253, -0.1728, 0.0290, -0.1785, 1.7360, -0.2943, -0.2517, -0.5888, 0.7987, 0.1528, -4.8689, 1.1269, -2.3128, -0.0897, -0.8674, -1.4454, 0.0008, -0.0066],
-    [-7.9433, -0.2063, -1.1236, -0.0816, -2.3529, 5.8053, 5.7721, 0.9637, -0.0723, 0.0094, -0.3688, 1.6631, -0.2467, -0.1435, -3.0053, 2.1217, 0.4757, -1.5080, -3.2600, 0.4025, -0.0168, -0.5523, -1.5248, -0.0004, 0.0143],
+    [-37.7001, 0.1882, -0.8458, 0.6662, -18.3394, 0.0000, -7.1185, 1.2843, -1.8756, 0.0341, -0.5004, 8.8754, 0.1882, 0.0000, 0.0000, 3.6995, 3.0869, -5.2035, -1.1709, -4.7081, 3.0330, -0.0468, -0.0745, -1.3597, 0.0075, -0.2158],
+    [-6.7091, -0.3873, -1.0599, 0.3738, -2.3094, 9.1586, 0.7743, 0.3659, 0.0081, -0.0155, -0.1780, 1.3879, -0.2824, -0.2650, -0.9606, 0.8898, -0.3027, -5.7145, 1.0090, -2.9026, -2.6769, -0.0811, -0.8913, -1.1939, 0.0007, 0.0416],
+    [-6.8915, -0.2429, -0.7814, 0.2644, -2.8330, 4.4956, 5.7354, 0.7081, -0.2231, -0.0805, -0.3063, 1.8559, -0.2895, -0.1409, -2.1545, 2.8192, 1.2675, 1.8264, -0.4805, -0.3755, -0.6290, -0.0321, -0.6236, -1.8092, -0.0118, -0.0124],
+    [-37.7001, 0.1882, -0.8458, 0.6662, -18.3394, 0.0000, -7.1185, 1.2843, -1.8756, 0.0341, -0.5004, 8.8754, 0.1882, 0.0000, 0.0000, 3.6995, 3.0869, -5.2035, -1.1709, -4.7081, 3.0330, -0.0468, -0.0745, -1.3597, 0.0075, -0.2158],
+    [-6.7091, -0.3873, -1.0599, 0.3738, -2.3094, 9.1586, 0.7743, 0.3659, 0.0081, -0.0155, -0.1780, 1.3879, -0.2824, -0.2650, -0.9606, 0.8898, -0.3027, -5.7145, 1.0090, -2.9026, -2.6769, -0.0811, -0.8913, -1.1939, 0.0007, 0.0416],
+    [-6.8915, -0.2429, -0.7814, 0.2644, -2.8330, 4.4956, 5.7354, 0.7081, -0.2231, -0.0805, -0.3063, 1.8559, -0.2895, -0.1409, -2.1545, 2.8192, 1.2675, 1.8264, -0.4805, -0.3755, -0.6290, -0.0321, -0.6236, -1.8092, -0.0118, -0.0124],
 ];
 
 /// How far the scores are trusted, per [`Kind`]: 0 = all candidates alike, large = the best score alone.
-const SHARPNESS: [f32; 3] = [0.4, 0.7, 1.0];
+const SHARPNESS: [f32; 6] = [0.5, 0.7, 1.0, 0.5, 0.7, 1.0];
 
 /// The kind of the click of a situation.
 pub(super) fn kind_of(situation: &Situation<'_>) -> Kind {
-    match situation.include {
-        true if situation.area == 0.0 => Kind::First,
-        true => Kind::Include,
-        false => Kind::Exclude,
+    let is_first = situation.include && situation.area == 0.0;
+    match (situation.same_thing.is_some(), situation.include) {
+        (false, _) if is_first => Kind::First,
+        (false, true) => Kind::Include,
+        (false, false) => Kind::Exclude,
+        (true, _) if is_first => Kind::DeepFirst,
+        (true, true) => Kind::DeepInclude,
+        (true, false) => Kind::DeepExclude,
     }
 }
 

@@ -18,6 +18,8 @@ use crate::frames::{DepthMap, Image};
 use crate::masks::{Region, next_click};
 
 const CAP: usize = 20;
+const KINDS: [Kind; 6] =
+    [Kind::First, Kind::Include, Kind::Exclude, Kind::DeepFirst, Kind::DeepInclude, Kind::DeepExclude];
 
 /// One click met while playing: what each candidate would gain in IoU.
 struct Sample {
@@ -45,7 +47,15 @@ struct Case {
 #[ignore = "a tool: minutes of work on data that is not part of the program"]
 fn fit() {
     let data = std::env::var_os("OSTRA_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
-    let cases = [davis(&data.join("davis2016")), shelf(&data.join("apc_shelf_rgbd_labels"))].concat_all();
+    let mut cases = davis(&data.join("davis2016"));
+    cases.extend(shelf(&data.join("apc_shelf_rgbd_labels"), "shelf", 3, 4, 5));
+    // More pictures with depth, in the same layout, e.g. views of made scenes.
+    if let Some(more) = std::env::var_os("OSTRA_MORE") {
+        cases.extend(shelf(Path::new(&more), "more", 1, 3, 8));
+    }
+    if let Ok(only) = std::env::var("OSTRA_ONLY") {
+        cases.retain(|case| case.clip.starts_with(&only));
+    }
     let rounds: usize = std::env::var("ROUNDS").map_or(1, |rounds| rounds.parse().unwrap());
     let mut weights = WEIGHTS;
     let mut samples: Vec<Sample> = Vec::new();
@@ -62,16 +72,6 @@ fn fit() {
     }
     println!("];");
     play_all(&cases, &samples, &weights);
-}
-
-trait ConcatAll {
-    fn concat_all(self) -> Vec<Case>;
-}
-
-impl ConcatAll for [Vec<Case>; 2] {
-    fn concat_all(self) -> Vec<Case> {
-        self.into_iter().flatten().collect()
-    }
 }
 
 fn sorted(folder: &Path) -> Vec<PathBuf> {
@@ -102,20 +102,23 @@ fn davis(root: &Path) -> Vec<Case> {
     cases
 }
 
-fn shelf(root: &Path) -> Vec<Case> {
+fn shelf(root: &Path, name: &str, every: usize, objects: u8, clicks: usize) -> Vec<Case> {
     let mut cases = Vec::new();
-    for (at, picture) in sorted(&root.join("color")).iter().enumerate().step_by(3) {
+    for (at, picture) in sorted(&root.join("color")).iter().enumerate().step_by(every) {
         let file = picture.file_name().unwrap();
-        for object in 1..=4u8 {
+        for object in 1..=objects {
             for depth in [None, Some(root.join("depth").join(file))] {
+                if depth.is_none() && name != "shelf" {
+                    continue;
+                }
                 cases.push(Case {
-                    clip: format!("shelf {object}"),
-                    name: format!("shelf{at}-{object}{}", if depth.is_some() { "d" } else { "" }),
+                    clip: format!("{name} {object}"),
+                    name: format!("{name}{at}-{object}{}", if depth.is_some() { "d" } else { "" }),
                     image: picture.clone(),
                     depth,
                     truth: root.join("labels").join(file),
                     value: Some(object),
-                    clicks: 5,
+                    clicks,
                     is_shown: true,
                 });
             }
@@ -223,32 +226,43 @@ fn oracle(gains: &[f32]) -> usize {
 }
 
 fn fitted(samples: &[Sample], without: Option<&str>) -> Weights {
-    [Kind::First, Kind::Include, Kind::Exclude].map(|kind| {
-        let of_kind: Vec<&Sample> = samples
+    KINDS.map(|kind| {
+        // Clicks without depth say something about those with depth too.
+        let importance = |other: Kind| match other {
+            _ if other == kind => 1.0,
+            _ if other as usize + 3 == kind as usize => 0.15,
+            _ => 0.0,
+        };
+        let of_kind: Vec<(&Sample, f64)> = samples
             .iter()
-            .filter(|sample| sample.kind == kind && sample.gains.len() > 1 && Some(&*sample.clip) != without)
+            .filter(|sample| sample.gains.len() > 1 && Some(&*sample.clip) != without)
+            .map(|sample| (sample, importance(sample.kind)))
+            .filter(|(_, importance)| *importance > 0.0)
             .collect();
         ascend(&of_kind)
     })
 }
 
 /// Raises the expected gain of a candidate drawn by softmax of its score, by gradient (Adam).
-fn ascend(samples: &[&Sample]) -> [f32; TERMS] {
+fn ascend(samples: &[(&Sample, f64)]) -> [f32; TERMS] {
     const ROUNDS: i32 = 250;
     const DECAY: f64 = 2e-3;
-    let rows = || samples.iter().flat_map(|sample| &sample.terms);
+    let rows = || samples.iter().flat_map(|(sample, _)| &sample.terms);
     let count = rows().count().max(1) as f64;
     let mean: [f64; TERMS] = std::array::from_fn(|term| rows().map(|row| f64::from(row[term])).sum::<f64>() / count);
     let spread: [f64; TERMS] = std::array::from_fn(|term| {
         (rows().map(|row| (f64::from(row[term]) - mean[term]).powi(2)).sum::<f64>() / count).sqrt() + 1e-6
     });
     let (mut weights, mut first, mut second) = ([0.0f64; TERMS], [0.0; TERMS], [0.0; TERMS]);
+    let total: f64 = samples.iter().map(|(_, share)| share).sum();
     for round in 1..=ROUNDS {
-        let gradients: Vec<[f64; TERMS]> =
-            samples.par_iter().map(|sample| gradient(sample, &weights, &mean, &spread)).collect();
+        let gradients: Vec<[f64; TERMS]> = samples
+            .par_iter()
+            .map(|(sample, share)| gradient(sample, &weights, &mean, &spread).map(|slope| slope * share))
+            .collect();
         for term in 0..TERMS {
-            let slope = gradients.iter().map(|gradient| gradient[term]).sum::<f64>() / samples.len() as f64
-                - DECAY * weights[term];
+            let slope =
+                gradients.iter().map(|gradient| gradient[term]).sum::<f64>() / total.max(1.0) - DECAY * weights[term];
             first[term] = 0.9 * first[term] + 0.1 * slope;
             second[term] = 0.99 * second[term] + 0.01 * slope * slope;
             let step = first[term] / (1.0 - 0.9f64.powi(round));
@@ -286,7 +300,7 @@ fn report(samples: &[Sample], weights: &Weights) {
     clips.sort_unstable();
     clips.dedup();
     let held_out: Vec<(&str, Weights)> = clips.iter().map(|&clip| (clip, fitted(samples, Some(clip)))).collect();
-    for kind in [Kind::First, Kind::Include, Kind::Exclude] {
+    for kind in KINDS {
         let of_kind: Vec<&Sample> = samples.iter().filter(|sample| sample.kind == kind).collect();
         let mean = |pick: &dyn Fn(&Sample) -> usize| {
             of_kind.iter().map(|sample| sample.gains[pick(sample)]).sum::<f32>() / of_kind.len() as f32
@@ -318,7 +332,7 @@ fn play_all(cases: &[Case], samples: &[Sample], weights: &Weights) {
     clips.sort_unstable();
     clips.dedup();
     let held_out: Vec<(&str, Weights)> = clips.iter().map(|&clip| (clip, fitted(samples, Some(clip)))).collect();
-    for (title, mode) in [("held out", 1), ("fitted", 2)] {
+    for (title, mode) in [("truth", 0), ("held out", 1), ("fitted", 2)] {
         let shown: Vec<&Case> = cases.iter().filter(|case| case.is_shown).collect();
         let runs: Vec<Vec<f32>> = shown
             .par_iter()
@@ -331,14 +345,17 @@ fn play_all(cases: &[Case], samples: &[Sample], weights: &Weights) {
                 })
             })
             .collect();
-        for part in ["davis", "rgb shelf", "rgbd shelf"] {
+        for part in ["davis", "rgb shelf", "rgbd shelf", "more"] {
             let is_part = |case: &Case| match part {
                 "davis" => case.clicks == CAP,
-                "rgb shelf" => case.clicks != CAP && case.depth.is_none(),
-                _ => case.depth.is_some(),
+                "more" => case.clip.starts_with("more"),
+                _ => case.clip.starts_with("shelf") && case.depth.is_some() == (part == "rgbd shelf"),
             };
             let runs: Vec<&Vec<f32>> =
                 runs.iter().zip(&shown).filter(|(_, case)| is_part(case)).map(|(run, _)| run).collect();
+            if runs.is_empty() {
+                continue;
+            }
             let after = |clicks: usize| {
                 runs.iter().map(|run| run.get(clicks - 1).or(run.last()).unwrap()).sum::<f32>() / runs.len() as f32
             };

@@ -66,7 +66,11 @@ fn prepare_reduced(
     progress.step(1, STAGES)?;
     let edges = edge_map(&lab, width, height, depth.map(depth_edges).as_ref());
     progress.step(2, STAGES)?;
-    let partition = partition(&lab, depth, &edges, width, &RegionOptions::default());
+    // Depth separates things too small for colour, which need regions of their own.
+    let area_px = RegionOptions::default().area_px;
+    let options =
+        RegionOptions { area_px: if depth.is_some() { area_px * 2 / 3 } else { area_px }, ..RegionOptions::default() };
+    let partition = partition(&lab, depth, &edges, width, &options);
     progress.step(3, STAGES)?;
     let graph = RegionGraph::new(&partition, &lab, depth, width);
     let palette = Palette::new(&graph.regions);

@@ -26,6 +26,8 @@ pub(super) struct Situation<'a> {
     pub reach: f32,
     /// How far each region's depth is from any that an object at the click may have there, 0–1; 0 without depth.
     pub off_depth: Vec<f32>,
+    /// With depth, whether a region hangs together in space with the clicked one.
+    pub same_thing: Option<Vec<bool>>,
     /// Pixels in the answer so far.
     pub area: f32,
 }
@@ -67,9 +69,11 @@ impl<'a> Situation<'a> {
         let joined = roles.iter().zip(&apart).filter(|(role, _)| **role == Role::Joined);
         let reach = joined.map(|(_, &apart)| apart).fold(widest, f32::min).max(4.0);
         let off_depth = off_depth(graph, seed as usize, &apart);
+        let has_depth = !graph.regions[seed as usize].ln_depth.is_nan();
+        let same_thing = has_depth.then(|| same_thing(graph, seed, &roles, &off_depth));
         let area =
             inside.iter().zip(&graph.regions).map(|(&inside, region)| if inside { region.area } else { 0.0 }).sum();
-        Some(Self { graph, palette, clicks, roles, seed, include, apart, far, reach, off_depth, area })
+        Some(Self { graph, palette, clicks, roles, seed, include, apart, far, reach, off_depth, same_thing, area })
     }
 
     /// Whether a region may change.
@@ -132,4 +136,23 @@ fn off_depth(graph: &RegionGraph, seed: usize, apart: &[f32]) -> Vec<f32> {
         if step > 0.0 { (step / SURE).min(1.0) } else { 0.0 }
     };
     graph.regions.iter().zip(apart).map(off).collect()
+}
+
+/// The open regions that can be reached from the clicked one without a jump of depth.
+fn same_thing(graph: &RegionGraph, seed: u32, roles: &[Role], off_depth: &[f32]) -> Vec<bool> {
+    const JUMP: f32 = 0.03;
+    let mut reached = vec![false; roles.len()];
+    let mut open = vec![seed];
+    reached[seed as usize] = true;
+    while let Some(at) = open.pop() {
+        for &(to, _) in graph.neighbours(at as usize) {
+            let (from, to) = (at as usize, to as usize);
+            let jump = (graph.regions[from].ln_depth - graph.regions[to].ln_depth).abs();
+            if !reached[to] && roles[to] != Role::Wall && off_depth[to] < 0.5 && jump < JUMP {
+                reached[to] = true;
+                open.push(to as u32);
+            }
+        }
+    }
+    reached.iter().zip(roles).map(|(&reached, role)| reached && matches!(role, Role::Open | Role::Seed)).collect()
 }

@@ -7,7 +7,7 @@ use super::graph::Edge;
 use super::situation::Situation;
 
 /// Number of traits.
-pub(super) const TRAITS: usize = 20;
+pub(super) const TRAITS: usize = 21;
 
 /// Traits of a candidate; see [`traits_of`] for their order.
 pub(super) type Traits = [f32; TRAITS];
@@ -51,6 +51,9 @@ pub(super) fn traits_of(situation: &Situation<'_>, change: &[bool], odds: &[f32]
         |axis: usize| changed().map(|at| graph.regions[at].at[axis] * graph.regions[at].area).sum::<f32>() / area;
     let click = situation.clicks[situation.clicks.len() - 1].0.at_px;
     let offset = (mean(0) - click.x as f32).hypot(mean(1) - click.y as f32);
+    let mut seen = vec![false; change.len()];
+    let seed_part = graph.flood(situation.seed, &mut seen, |at| change[at]);
+    let seed_part: f32 = seed_part.iter().map(|&at| graph.regions[at as usize].area).sum();
     let outer = (sums.length + sums.rim).max(1.0);
     let whole = (outer + sums.joined).max(1.0);
     let inner = |values: &[f32]| changed().map(|at| values[at] * graph.regions[at].area).sum::<f32>() / area;
@@ -76,6 +79,7 @@ pub(super) fn traits_of(situation: &Situation<'_>, change: &[bool], odds: &[f32]
         sums.inner_price / sums.inner_length.max(1.0),
         offset / area.sqrt(),
         area / box_area(situation, change),
+        1.0 - seed_part / area,
     ]
 }
 
