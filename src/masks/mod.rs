@@ -10,6 +10,7 @@ mod edit;
 mod error;
 mod formats;
 mod label;
+mod label_tree;
 mod mask;
 mod outline;
 mod prompt;
@@ -27,7 +28,8 @@ pub use formats::{
     Imported, MaskFormat, MaskFrame, encode_palette_png, export_masks, file_stems, import_masks, read_labels_json,
     read_palette_png, write_labels_json,
 };
-pub use label::{Label, LabelId, LabelTree};
+pub use label::{Label, LabelId};
+pub use label_tree::LabelTree;
 pub use mask::LabelMask;
 pub use outline::{Outline, outlines, simplified_ring};
 pub use prompt::{Click, Prompt, PxBox};

@@ -20,8 +20,8 @@ use crate::masks::{Extent, Label, LabelId, LabelTree, MaskError, RunMask};
 const FILE: &str = "annotations.json";
 
 /// Reads a COCO JSON: `path` itself, or in a folder `annotations.json` or the only JSON that is there. All annotations
-/// of a category on a picture are one label's pixels. A picture without annotations gets no mask: such files list
-/// every picture, the unlabelled too.
+/// of a category on a picture are one label's pixels. A picture without outlines gets no mask: such files list every
+/// picture, the unlabelled too.
 pub(super) fn import(
     path: &Path,
     frames: &[MaskFrame<'_>],
@@ -33,26 +33,28 @@ pub(super) fn import(
     let dataset: Dataset = serde_json::from_slice(&text)
         .map_err(|error| invalid(&path, format!("is no COCO JSON ({error}); export it anew")))?;
     let (frame_of_image, unmatched) = images_by_frame(&path, &dataset.images, frames)?;
-    let mut drawn: BTreeMap<usize, Vec<&Annotation>> = BTreeMap::new();
+    let mut drawn: BTreeMap<usize, Vec<Drawn<'_>>> = BTreeMap::new();
+    let mut outlineless = 0;
     for annotation in &dataset.annotations {
-        if let Some(&frame) = frame_of_image.get(&annotation.image_id) {
-            drawn.entry(frame).or_default().push(annotation);
+        match (frame_of_image.get(&annotation.image_id), outline_of(annotation)) {
+            (None, _) => {}
+            (Some(_), None) => outlineless += 1,
+            (Some(&frame), Some(outline)) => drawn.entry(frame).or_default().push(Drawn { annotation, outline }),
         }
     }
-    let used = drawn.values().flatten().map(|annotation| annotation.category_id).collect();
+    let used = drawn.values().flatten().map(|drawn| drawn.annotation.category_id).collect();
     let mut adoption = Adoption::new(tree, LabelId::NONE);
     let labels =
         adopted(&dataset.categories, &used, &mut adoption).map_err(|error| invalid(&path, error.to_string()))?;
     let without_mask = frame_of_image.len() - drawn.len();
-    let jobs: Vec<(usize, Vec<&Annotation>)> = drawn.into_iter().collect();
-    let read = in_parallel(&jobs, progress, |(frame, annotations)| {
-        frame_mask(&path, &frames[*frame], annotations, &labels, adoption.tree())
+    let jobs: Vec<(usize, Vec<Drawn<'_>>)> = drawn.into_iter().collect();
+    let read = in_parallel(&jobs, progress, |(frame, drawn)| {
+        frame_mask(&path, &frames[*frame], drawn, &labels, adoption.tree())
     })?;
-    let contested = read.iter().map(|frame| frame.contested).sum();
-    let outlineless = read.iter().map(|frame| frame.outlineless).sum();
-    let masks = jobs.iter().map(|job| job.0).zip(read.into_iter().map(|frame| frame.mask)).collect();
+    let contested = read.iter().map(|(_, contested)| contested).sum();
+    let masks = jobs.iter().map(|job| job.0).zip(read.into_iter().map(|(mask, _)| mask)).collect();
     let counted = [
-        (without_mask, "pictures have no annotation and got no mask"),
+        (without_mask, "pictures have no outlines and got no mask"),
         (outlineless, "annotations have no outline (boxes only) and were left out"),
     ];
     let counted = counted.into_iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
@@ -164,32 +166,31 @@ fn supercategory<'c>(name: &str, categories: &'c [Category]) -> Option<&'c str> 
     (above != name && !above.is_empty() && above != "none").then_some(above)
 }
 
-/// A frame's mask as read, and what there is to warn about.
-struct FrameRead {
-    mask: RunMask,
-    contested: usize,
-    outlineless: usize,
+/// An annotation that has an outline.
+struct Drawn<'a> {
+    annotation: &'a Annotation,
+    outline: &'a Segmentation,
 }
 
+/// A frame's mask, and how many pixels two labels claimed.
 fn frame_mask(
     path: &Path,
     frame: &MaskFrame<'_>,
-    annotations: &[&Annotation],
+    drawn: &[Drawn<'_>],
     labels: &BTreeMap<i64, LabelId>,
     tree: &LabelTree,
-) -> Result<FrameRead, MaskError> {
+) -> Result<(RunMask, usize), MaskError> {
     let fault = |id: i64, what: String| invalid(path, format!("annotation {id}: {what}; export it anew"));
     let mut layers = Vec::new();
-    for annotation in annotations {
+    for Drawn { annotation, outline } in drawn {
         let unknown = || fault(annotation.id, format!("category {} is not listed", annotation.category_id));
         let label = *labels.get(&annotation.category_id).ok_or_else(unknown)?;
-        layers.extend(outline_of(annotation).map(|outline| (label, (annotation.id, outline))));
+        layers.push((label, (annotation.id, *outline)));
     }
-    let outlineless = annotations.len() - layers.len();
     let (mask, contested) = stacked((frame.width, frame.height), layers, tree, |(id, outline), emit| {
         draw(outline, (frame.width, frame.height), emit).map_err(|what| fault(*id, what))
     })?;
-    Ok(FrameRead { mask: RunMask::encode(&mask), contested, outlineless })
+    Ok((RunMask::encode(&mask), contested))
 }
 
 /// What an annotation says about its pixels; `None` when it holds only a box.

@@ -48,19 +48,20 @@ pub fn write_labels_json(dir: &Path, tree: &LabelTree) -> Result<(), MaskError> 
     write_whole(&path, text.as_bytes())
 }
 
-/// Reads `labels.json` of a folder of masks; `None` when there is none. Colours may be `[r, g, b]` too; a
-/// label without colour gets one.
+/// Reads the `labels.json` of a folder of masks: the one in it, else the one in the folder above (as the made scene's
+/// truth has it); `None` when there is none. Colours may be `[r, g, b]` too; a label without colour gets one.
 ///
 /// # Errors
 /// [`MaskError::Io`], or [`MaskError::Invalid`] for a file that is no label tree.
 pub fn read_labels_json(dir: &Path) -> Result<Option<LabelTree>, MaskError> {
-    let path = dir.join(LABELS_FILE);
-    let text = match std::fs::read_to_string(&path) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        text => text.map_err(io_error(&path))?,
-    };
-    let broken =
-        |error: &dyn std::fmt::Display| invalid(&path, format!("is no list of labels ({error}); put it right"));
+    let above = dir.canonicalize().ok().and_then(|full| Some(full.parent()?.to_path_buf()));
+    let mut files = [Some(dir.to_path_buf()), above].into_iter().flatten().map(|folder| folder.join(LABELS_FILE));
+    files.find(|file| file.is_file()).map(|file| read_tree(&file)).transpose()
+}
+
+fn read_tree(path: &Path) -> Result<LabelTree, MaskError> {
+    let text = std::fs::read_to_string(path).map_err(io_error(path))?;
+    let broken = |error: &dyn std::fmt::Display| invalid(path, format!("is no list of labels ({error}); put it right"));
     let entries: Vec<LabelEntry> = serde_json::from_str(&text).map_err(|error| broken(&error))?;
     let label = |entry: LabelEntry| {
         let color = match &entry.color {
@@ -73,7 +74,7 @@ pub fn read_labels_json(dir: &Path) -> Result<Option<LabelTree>, MaskError> {
         Ok(Label { id: entry.id, name: entry.name, color, parent: entry.parent })
     };
     let labels: Vec<Label> = entries.into_iter().map(label).collect::<Result<_, MaskError>>()?;
-    LabelTree::try_from(labels).map(Some).map_err(|error| broken(&error))
+    LabelTree::try_from(labels).map_err(|error| broken(&error))
 }
 
 /// Which label has which colour, for masks saved as colour pictures; a colour of two labels is left out.
@@ -107,7 +108,9 @@ mod tests {
         };
         let tree: LabelTree = vec![label(1, "rice \"A\"", Some(700)), label(700, "Ä/b", None)].try_into().unwrap();
         write_labels_json(dir.path(), &tree).unwrap();
-        assert_eq!(read_labels_json(dir.path()).unwrap(), Some(tree));
+        assert_eq!(read_labels_json(dir.path()).unwrap().as_ref(), Some(&tree));
+        std::fs::create_dir(dir.path().join("masks")).unwrap();
+        assert_eq!(read_labels_json(&dir.path().join("masks")).unwrap(), Some(tree));
         let text = std::fs::read_to_string(dir.path().join("labels.json")).unwrap();
         assert!(text.contains(r##""color":"#000aff""##) && text.contains(r#""parent":null"#), "{text}");
     }

@@ -35,6 +35,7 @@ fn coco_as_other_tools_write_it() {
             {"id": 2, "image_id": 7, "category_id": 5, "segmentation": {"size": [9, 13], "counts": [10, 1, 106]}},
             {"id": 3, "image_id": 7, "category_id": 6, "iscrowd": 1, "segmentation": {"size": [9, 13], "counts": "d31"}},
             {"id": 4, "image_id": 7, "category_id": 0, "bbox": [0, 0, 5, 5], "segmentation": []},
+            {"id": 6, "image_id": 8, "category_id": 0, "bbox": [0, 0, 5, 5]},
             {"id": 5, "image_id": 99, "category_id": 0, "segmentation": []}]"#,
     );
     let read = read.unwrap();
@@ -48,8 +49,8 @@ fn coco_as_other_tools_write_it() {
     assert_eq!(pixels(mask, id("leaf").0), [(2, 1), (3, 1), (1, 2), (2, 2), (3, 2), (8, 8)]);
     assert_eq!(pixels(mask, id("stone").0), [(12, 8)]);
     assert_eq!(read.masks.len(), 1);
-    assert!(read.warnings.iter().any(|warning| warning.starts_with("1 pictures have no annotation")));
-    assert!(read.warnings.iter().any(|warning| warning.starts_with("1 annotations have no outline")));
+    assert!(read.warnings.iter().any(|warning| warning.starts_with("1 pictures have no outlines")));
+    assert!(read.warnings.iter().any(|warning| warning.starts_with("2 annotations have no outline")));
 }
 
 #[test]

@@ -64,7 +64,7 @@ fn a_frame_without_labels_stays_one_in_the_formats_that_can_say_so() {
         export(dir.path(), format, &["a.png", "b.png"], &masks).unwrap();
         let read = import(dir.path(), format, &["a.png", "b.png"], &tree()).unwrap();
         assert_eq!(read.masks.len(), frames, "{format:?}");
-        assert_eq!(read.warnings.len(), 2 - frames, "COCO says that a picture has no annotation: {:?}", read.warnings);
+        assert_eq!(read.warnings.len(), 2 - frames, "COCO says that a picture has no outlines: {:?}", read.warnings);
     }
 }
 
