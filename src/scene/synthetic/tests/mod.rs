@@ -1,3 +1,5 @@
+//! Tests of the made scenes: dimensions, exactness, determinism.
+
 mod exactness;
 mod model;
 mod output;
