@@ -225,6 +225,8 @@ mod tests {
         pictures.turn();
         while pictures.failure(9).is_none() {
             notified.recv_timeout(Duration::from_secs(60)).unwrap();
+            // As a panel does every frame: what is not asked for again is no longer wanted.
+            assert!(pictures.thumbnail(9).is_none());
             pictures.turn();
         }
         assert_eq!(pictures.failure(9).as_deref(), Some("gone"));
