@@ -66,6 +66,16 @@ pub(super) fn track(args: TrackArgs) -> Result<()> {
 }
 
 pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {
+    let of_later_engines = [
+        ("max-side", args.max_side.is_some()),
+        ("only-labelled", args.only_labelled),
+        ("features", args.features != "auto"),
+        ("matcher", args.matcher != "auto"),
+        ("registration", args.registration != "auto"),
+    ];
+    if let Some((option, _)) = of_later_engines.iter().find(|(_, given)| *given) {
+        bail!("--{option} belongs to an engine that this version does not have yet; leave it out");
+    }
     let method = match args.method {
         Method::Auto => ReconstructMethod::Auto,
         Method::Sfm => ReconstructMethod::Sfm,
