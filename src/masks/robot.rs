@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use super::{Click, Region};
+use super::{Click, Connectivity, LabelId, LabelMask, Region, components, deepest_point};
 
 /// The next click of the robot user: the deepest point (farthest from its border, the picture's border included) of
 /// the largest 4-connected component of pixels where `current` differs from `truth`; include where the object is
@@ -15,121 +15,61 @@ use super::{Click, Region};
 #[must_use]
 pub fn next_click(truth: &Region, current: &Region) -> Option<Click> {
     assert!(truth.width == current.width && truth.height == current.height, "truth and answer are of one frame");
-    let component = largest_error(truth, current)?;
-    let at = deepest(&component, truth.width as usize);
-    let (x, y) = (at % truth.width as usize, at / truth.width as usize);
-    Some(Click { at_px: DVec2::new(x as f64 + 0.5, y as f64 + 0.5), include: truth.inside[at] })
+    let wrong = |include: bool| {
+        let pairs = truth.inside.iter().zip(&current.inside);
+        let inside = pairs.map(|(&truth, &current)| truth == include && current != include).collect();
+        Region { inside, ..*truth }
+    };
+    let (missed, excess) = (largest_part(&wrong(true)), largest_part(&wrong(false)));
+    let include = missed.area >= excess.area;
+    click_in(if include { &missed } else { &excess }, include)
 }
 
-/// Pixels of the largest error component in scan order; of equally large ones the first met.
-fn largest_error(truth: &Region, current: &Region) -> Option<Vec<usize>> {
-    let width = truth.width as usize;
-    let mut open: Vec<bool> = truth.inside.iter().zip(&current.inside).map(|(a, b)| a != b).collect();
-    let mut largest: Vec<usize> = Vec::new();
-    for start in 0..open.len() {
-        if !open[start] {
-            continue;
-        }
-        open[start] = false;
-        let mut pixels = vec![start];
-        let mut next = 0;
-        while let Some(&at) = pixels.get(next) {
-            next += 1;
-            for neighbour in neighbours(at, width, open.len()) {
-                if open[neighbour] && truth.inside[neighbour] == truth.inside[start] {
-                    open[neighbour] = false;
-                    pixels.push(neighbour);
-                }
+/// The same for several labels at once: the largest component in which one label of `open` is missed, or too much of
+/// it was taken where nothing, or no other label of `open`, belongs. The label to click for and the click.
+///
+/// # Panics
+/// When the two masks differ in size.
+#[must_use]
+pub fn next_label_click(truth: &LabelMask, current: &LabelMask, open: &[LabelId]) -> Option<(LabelId, Click)> {
+    assert!(truth.width == current.width && truth.height == current.height, "truth and answer are of one frame");
+    let wrong = |is_wrong: &dyn Fn(LabelId, LabelId) -> bool| {
+        let pairs = truth.ids.iter().zip(&current.ids);
+        let inside = pairs.map(|(&truth, &current)| is_wrong(truth, current)).collect();
+        largest_part(&Region { width: truth.width, height: truth.height, inside })
+    };
+    let mut largest: Option<(LabelId, bool, Part)> = None;
+    for &label in open {
+        let missed = wrong(&|truth, current| truth == label && current != label);
+        let excess = wrong(&|truth, current| truth != label && current == label && !open.contains(&truth));
+        for (include, part) in [(true, missed), (false, excess)] {
+            if part.area > largest.as_ref().map_or(0, |(_, _, part)| part.area) {
+                largest = Some((label, include, part));
             }
         }
-        if pixels.len() > largest.len() {
-            largest = pixels;
-        }
     }
-    largest.sort_unstable();
-    (!largest.is_empty()).then_some(largest)
+    let (label, include, part) = largest?;
+    click_in(&part, include).map(|click| (label, click))
 }
 
-fn neighbours(at: usize, width: usize, count: usize) -> impl Iterator<Item = usize> {
-    let x = at % width;
-    [
-        (x > 0).then(|| at - 1),
-        (x + 1 < width).then(|| at + 1),
-        (at >= width).then(|| at - width),
-        (at + width < count).then(|| at + width),
-    ]
-    .into_iter()
-    .flatten()
+/// A connected part of a region.
+struct Part {
+    pixels: Region,
+    area: usize,
 }
 
-/// The pixel of `component` farthest from every pixel outside it.
-fn deepest(component: &[usize], width: usize) -> usize {
-    let columns = || component.iter().map(|at| at % width);
-    let left = columns().min().unwrap_or(0);
-    let right = columns().max().unwrap_or(0);
-    let top = component[0] / width;
-    let bottom = component[component.len() - 1] / width;
-    // One pixel of margin all around stands for what lies outside, beyond the picture's border too.
-    let (box_width, box_height) = (right - left + 3, bottom - top + 3);
-    let mut squares = vec![0.0f32; box_width * box_height];
-    for at in component {
-        squares[(at / width - top + 1) * box_width + at % width - left + 1] = f32::INFINITY;
-    }
-    squared_distances(&mut squares, box_width, box_height);
-    let depth = |at: usize| squares[(at / width - top + 1) * box_width + at % width - left + 1];
-    component.iter().copied().fold(component[0], |best, at| if depth(at) > depth(best) { at } else { best })
+/// The largest 4-connected component; of equally large ones the first met row by row.
+fn largest_part(region: &Region) -> Part {
+    let found = components(region, Connectivity::Four);
+    let largest = (0..found.areas.len()).rev().max_by_key(|&at| found.areas[at]);
+    let label = largest.map_or(u32::MAX, |at| at as u32 + 1);
+    let inside = found.labels.iter().map(|&of| of == label).collect();
+    Part { pixels: Region { inside, ..*region }, area: largest.map_or(0, |at| found.areas[at]) }
 }
 
-/// Exact squared Euclidean distance to the nearest zero (Felzenszwalb and Huttenlocher, "Distance transforms of
-/// sampled functions", Theory of Computing 2012). Zeros stay, infinity becomes the distance.
-fn squared_distances(values: &mut [f32], width: usize, height: usize) {
-    let mut line = vec![0.0; width.max(height)];
-    let mut hull = vec![(0usize, 0.0f32); width.max(height)];
-    for x in 0..width {
-        for y in 0..height {
-            line[y] = values[y * width + x];
-        }
-        lower_envelope(&line[..height], &mut hull, |y, value| values[y * width + x] = value);
-    }
-    for row in values.chunks_exact_mut(width) {
-        line[..width].copy_from_slice(row);
-        lower_envelope(&line[..width], &mut hull, |x, value| row[x] = value);
-    }
-}
-
-/// One line of the transform: the lower envelope of parabolas rooted at the finite samples.
-fn lower_envelope(samples: &[f32], hull: &mut [(usize, f32)], mut set: impl FnMut(usize, f32)) {
-    let mut count = 0;
-    for (at, &sample) in samples.iter().enumerate() {
-        if !sample.is_finite() {
-            continue;
-        }
-        let mut from = f32::NEG_INFINITY;
-        while count > 0 {
-            let (other, other_from) = hull[count - 1];
-            let (p, q) = (at as f32, other as f32);
-            from = (sample + p * p - samples[other] - q * q) / (2.0 * (p - q));
-            if from > other_from {
-                break;
-            }
-            from = f32::NEG_INFINITY;
-            count -= 1;
-        }
-        hull[count] = (at, from);
-        count += 1;
-    }
-    let mut piece = 0;
-    for at in 0..samples.len() {
-        if count == 0 {
-            return;
-        }
-        while piece + 1 < count && hull[piece + 1].1 <= at as f32 {
-            piece += 1;
-        }
-        let (root, _) = hull[piece];
-        let along = at as f32 - root as f32;
-        set(at, samples[root] + along * along);
-    }
+fn click_in(part: &Part, include: bool) -> Option<Click> {
+    let (x, y) = deepest_point(&part.pixels)?;
+    Some(Click { at_px: DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5), include })
 }
 
 #[cfg(test)]
@@ -141,6 +81,14 @@ mod tests {
             width: rows[0].len() as u32,
             height: rows.len() as u32,
             inside: rows.iter().flat_map(|row| row.bytes().map(|byte| byte == b'#')).collect(),
+        }
+    }
+
+    fn mask(rows: &[&str]) -> LabelMask {
+        LabelMask {
+            width: rows[0].len() as u32,
+            height: rows.len() as u32,
+            ids: rows.iter().flat_map(|row| row.bytes().map(|byte| LabelId(u16::from(byte - b'0')))).collect(),
         }
     }
 
@@ -156,30 +104,28 @@ mod tests {
         let truth = region(&["##......", "##......", "........", "........"]);
         let answer = region(&[".#..####", "##..####", "....####", "........"]);
         let click = next_click(&truth, &answer).unwrap();
-        assert_eq!((click.at_px, click.include), (DVec2::new(5.5, 1.5), false));
+        assert!(
+            !click.include && truth.inside[8 + click.at_px.x as usize] != answer.inside[8 + click.at_px.x as usize]
+        );
+        assert!((5.0..7.0).contains(&click.at_px.x) && click.at_px.y == 1.5, "{click:?}");
     }
 
     #[test]
     fn nothing_to_correct_gives_no_click() {
         let truth = region(&["##..", "...."]);
         assert_eq!(next_click(&truth, &truth), None);
+        let truth = mask(&["1122", "0000"]);
+        assert_eq!(next_label_click(&truth, &truth, &[LabelId(1), LabelId(2)]), None);
     }
 
     #[test]
-    fn distances_equal_those_of_a_full_search() {
-        let (width, height) = (13usize, 9usize);
-        let zeros: Vec<usize> = vec![3, 40, 41, 77, 100];
-        let mut fast = vec![f32::INFINITY; width * height];
-        zeros.iter().for_each(|&at| fast[at] = 0.0);
-        squared_distances(&mut fast, width, height);
-        for (at, &found) in fast.iter().enumerate() {
-            let square = |zero: &usize| {
-                let dx = (at % width) as f32 - (zero % width) as f32;
-                let dy = (at / width) as f32 - (zero / width) as f32;
-                dx * dx + dy * dy
-            };
-            let exact = zeros.iter().map(square).fold(f32::INFINITY, f32::min);
-            assert!((found - exact).abs() < 1e-4, "pixel {at}: {found} instead of {exact}");
-        }
+    fn label_that_took_another_is_put_right_by_a_click_for_the_other() {
+        let truth = mask(&["111222", "111222", "111222"]);
+        let answer = mask(&["111111", "111111", "111111"]);
+        let (one, two) = (LabelId(1), LabelId(2));
+        let (label, click) = next_label_click(&truth, &answer, &[one, two]).unwrap();
+        assert_eq!((label, click.include, click.at_px), (two, true, DVec2::new(4.5, 1.5)));
+        let (label, click) = next_label_click(&truth, &answer, &[one]).unwrap();
+        assert_eq!((label, click.include, click.at_px), (one, false, DVec2::new(4.5, 1.5)));
     }
 }

@@ -6,6 +6,7 @@
 
 use rayon::prelude::*;
 
+use super::alike::{Alike, AlikeOptions, alike};
 use super::appearance::Model;
 use super::energy::{Role, cheapest_change};
 use super::situation::Situation;
@@ -67,13 +68,24 @@ pub(super) fn candidates(situation: &Situation<'_>, options: &CandidateOptions) 
     let families: Vec<Vec<Candidate>> =
         radii.par_iter().map(|&radius| Disc::new(situation, radius).family(options)).collect();
     let mut found: Vec<Candidate> = Vec::new();
-    for candidate in families.into_iter().flatten() {
+    for candidate in families.into_iter().flatten().chain(of_its_kind(situation, options)) {
         if !found.iter().any(|other| other.change == candidate.change) {
             found.push(candidate);
         }
     }
     let shared = agreement(situation, &mut found);
     Candidates { all: found, shared }
+}
+
+/// Candidates that take all of the clicked thing that looks like the clicked places.
+fn of_its_kind(situation: &Situation<'_>, options: &CandidateOptions) -> Vec<Candidate> {
+    let near = situation.near(&[situation.seed]);
+    let (_, geodesic) = leaning(situation, &near, options.least_radius_px);
+    let candidate = |found: Alike| {
+        let traits = traits_of(situation, &found.change, &found.odds, &geodesic, found.limit);
+        Candidate { change: found.change, traits }
+    };
+    alike(situation, &AlikeOptions::default()).into_iter().map(candidate).collect()
 }
 
 /// A disc around the click, and how each region leans towards it.
@@ -137,7 +149,7 @@ impl<'a> Disc<'a> {
     }
 
     fn candidate(&self, change: Vec<bool>) -> Candidate {
-        let traits = traits_of(self.situation, &change, &self.odds, &self.geodesic);
+        let traits = traits_of(self.situation, &change, &self.odds, &self.geodesic, 0.0);
         Candidate { change, traits }
     }
 }

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::color::squared_difference;
 use super::depth_edges::DepthEdges;
 use super::filter::box_mean;
+use super::surface::Surfaces;
 
 /// Strengths between 4-neighbours, 0 (none) to 1 (sure), and the raw colour steps they came from.
 pub(super) struct EdgeMap {
@@ -25,16 +26,26 @@ pub(super) struct Step {
 
 /// Edge strengths of a picture in Lab. Steps of 3-pixel and 7-pixel means on both sides are averaged and set against
 /// their own mean in the surroundings, so that texture does not count as edges (surround suppression: Grigorescu,
-/// Petkov and Westenberg, "Contour detection based on nonclassical receptive field inhibition", TIP 2003).
-pub(super) fn edge_map(lab: &[[f32; 3]], width: usize, height: usize, depth: Option<&DepthEdges>) -> EdgeMap {
-    let small = box_mean(lab, width, height, 1);
-    let large = box_mean(lab, width, height, 3);
+/// Petkov and Westenberg, "Contour detection based on nonclassical receptive field inhibition", TIP 2003). Where depth
+/// tells surfaces apart, colours are taken from the surface itself, not from what lies behind its rim.
+pub(super) fn edge_map(
+    lab: &[[f32; 3]],
+    width: usize,
+    height: usize,
+    depth: Option<(&DepthEdges, &Surfaces)>,
+) -> EdgeMap {
+    let surfaces = depth.map(|(_, surfaces)| surfaces);
+    let mean = |radius: usize| match surfaces {
+        Some(surfaces) => surfaces.mean(lab, radius),
+        None => box_mean(lab, width, height, radius),
+    };
+    let (small, large) = (mean(1), mean(3));
     let steps = |dx: usize, dy: usize| {
         let mut out = vec![Step::default(); lab.len()];
         out.par_chunks_exact_mut(width).enumerate().for_each(|(y, out)| {
             for (x, out) in out.iter_mut().enumerate() {
                 if x + dx < width && y + dy < height {
-                    *out = step_at(lab, &small, &large, (x, y), (dx, dy), (width, height));
+                    *out = step_at(lab, &small, &large, surfaces, (x, y), (dx, dy), (width, height));
                 }
             }
         });
@@ -42,7 +53,7 @@ pub(super) fn edge_map(lab: &[[f32; 3]], width: usize, height: usize, depth: Opt
     };
     let (mut right, mut down) = (steps(1, 0), steps(0, 1));
     suppress_surround(&mut right, &mut down, width, height);
-    if let Some(depth) = depth {
+    if let Some((depth, _)) = depth {
         let add = |(step, &depth): (&mut Step, &f32)| step.strength = 1.0 - (1.0 - step.strength) * (1.0 - depth);
         right.par_iter_mut().zip(&depth.right).for_each(add);
         down.par_iter_mut().zip(&depth.down).for_each(add);
@@ -54,6 +65,7 @@ fn step_at(
     lab: &[[f32; 3]],
     small: &[[f32; 3]],
     large: &[[f32; 3]],
+    surfaces: Option<&Surfaces>,
     (x, y): (usize, usize),
     (dx, dy): (usize, usize),
     (width, height): (usize, usize),
@@ -63,6 +75,16 @@ fn step_at(
         let sx = (x as isize + dx as isize * along).clamp(0, width as isize - 1) as usize;
         let sy = (y as isize + dy as isize * along).clamp(0, height as isize - 1) as usize;
         sy * width + sx
+    };
+    // The farthest place up to `along` steps away that lies on the surface next to this place.
+    let shifted = |along: isize| {
+        let Some(surfaces) = surfaces else { return shifted(along) };
+        let base = shifted(along.signum().max(0));
+        let mut steps = along;
+        while steps.signum() == along.signum() && !surfaces.same(base, shifted(steps)) {
+            steps -= along.signum();
+        }
+        if steps.signum() == along.signum() { shifted(steps) } else { base }
     };
     let step = |plane: &[[f32; 3]], near, far| squared_difference(plane[shifted(near)], plane[shifted(far)]).sqrt();
     let fine = step(lab, 0, 1);

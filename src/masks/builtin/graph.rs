@@ -7,6 +7,7 @@ use super::color::squared_difference;
 use super::depth_edges::known;
 use super::filter::box_mean;
 use super::regions::Partition;
+use super::surface::Surfaces;
 use crate::frames::DepthMap;
 
 /// Means over one region.
@@ -16,6 +17,8 @@ pub(super) struct RegionStats {
     pub area: f32,
     /// Mean Lab.
     pub lab: [f32; 3],
+    /// Mean Lab of the surface around its pixels; only with depth.
+    pub tone: [f32; 3],
     /// Spread of lightness around its pixels, L units: low on smooth surfaces, high in texture.
     pub texture: f32,
     /// Mean position, pixels.
@@ -49,9 +52,12 @@ pub(super) struct RegionGraph {
 }
 
 impl RegionGraph {
-    pub fn new(partition: &Partition, lab: &[[f32; 3]], depth: Option<&DepthMap>, width: usize) -> Self {
+    pub fn new(partition: &Partition, lab: &[[f32; 3]], depth: Option<(&DepthMap, &Surfaces)>, width: usize) -> Self {
         let height = lab.len() / width;
-        let mut regions = stats(partition, lab, depth, width, height);
+        let mut regions = stats(partition, lab, depth.map(|(depth, _)| depth), width, height);
+        if let Some((_, surfaces)) = depth {
+            set_tones(&mut regions, partition, &surfaces.mean(lab, TONE_RADIUS_PX));
+        }
         let mut edges: Vec<Edge> = partition
             .borders
             .iter()
@@ -180,6 +186,16 @@ fn stats(
         region.ln_depth = if depth_area > 0.25 * region.area { region.ln_depth / depth_area } else { f32::NAN };
     }
     regions
+}
+
+/// Reach of the surface mean that gives a region its tone, pixels.
+const TONE_RADIUS_PX: usize = 3;
+
+fn set_tones(regions: &mut [RegionStats], partition: &Partition, smooth: &[[f32; 3]]) {
+    for (&of, smooth) in partition.of_pixel.iter().zip(smooth) {
+        let region = &mut regions[of as usize];
+        (0..3).for_each(|channel| region.tone[channel] += smooth[channel] / region.area);
+    }
 }
 
 fn adjacency(edges: &[Edge], count: usize) -> (Vec<u32>, Vec<(u32, u32)>) {

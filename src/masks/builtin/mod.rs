@@ -2,6 +2,7 @@
 //!
 //! May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
+mod alike;
 mod appearance;
 mod boxes;
 mod bridges;
@@ -23,6 +24,7 @@ mod raster;
 mod regions;
 mod segmenter;
 mod situation;
+mod surface;
 #[cfg(test)]
 mod tests;
 mod traits;

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::color::squared_difference;
 use super::depth_edges::known;
 use super::edges::EdgeMap;
+use super::surface::Surfaces;
 use crate::frames::DepthMap;
 
 /// How fine the over-segmentation is.
@@ -42,6 +43,7 @@ pub(super) struct Border {
 /// What Ward's criterion needs of a region.
 #[derive(Debug, Clone, Copy, Default)]
 struct Node {
+    /// Pixels, each counted as often as its surroundings are to be told apart finer than elsewhere.
     area: f32,
     lab: [f32; 3],
     at: [f32; 2],
@@ -59,16 +61,18 @@ pub(super) struct Partition {
 /// Splits a picture into regions.
 pub(super) fn partition(
     lab: &[[f32; 3]],
-    depth: Option<&DepthMap>,
+    depth: Option<(&DepthMap, &Surfaces)>,
     edges: &EdgeMap,
     width: usize,
     options: &RegionOptions,
 ) -> Partition {
-    let mut of_pixel = specks(edges, width);
+    let fineness = depth.map(|(_, surfaces)| surfaces.fineness());
+    let mut of_pixel = specks(edges, depth.map(|(_, surfaces)| surfaces), width);
     let count = compact(&mut of_pixel);
-    let nodes = nodes_of(&of_pixel, count, lab, depth, width);
+    let nodes = nodes_of(&of_pixel, count, lab, depth.map(|(depth, _)| depth), fineness.as_deref(), width);
     let borders = borders_of(&of_pixel, edges, width);
-    let target = (lab.len() / options.area_px).max(2);
+    let fineness = fineness.map_or(lab.len() as f32, |fineness| fineness.iter().sum());
+    let target = (fineness as usize / options.area_px).max(2);
     let (of_speck, borders) = merge(nodes, borders, target, options);
     of_pixel.par_iter_mut().for_each(|speck| *speck = of_speck[*speck as usize]);
     let count = of_speck.iter().max().map_or(0, |&last| last as usize + 1);
@@ -76,7 +80,7 @@ pub(super) fn partition(
 }
 
 /// Joins neighbouring pixels of like colour, most alike first, to specks of at most [`SPECK_PX`] pixels.
-fn specks(edges: &EdgeMap, width: usize) -> Vec<u32> {
+fn specks(edges: &EdgeMap, surfaces: Option<&Surfaces>, width: usize) -> Vec<u32> {
     const SPECK_PX: u8 = 9;
     const LEVELS_PER_DELTA_E: f32 = 6.0;
     let pixels = edges.right.len();
@@ -99,7 +103,7 @@ fn specks(edges: &EdgeMap, width: usize) -> Vec<u32> {
         let at = place as usize / 2;
         let neighbour = if place % 2 == 0 { at + 1 } else { at + width };
         let inside = if place % 2 == 0 { neighbour % width != 0 } else { neighbour < pixels };
-        if !inside {
+        if !inside || surfaces.is_some_and(|surfaces| !surfaces.same(at, neighbour)) {
             continue;
         }
         let (a, b) = (root(&mut parent, at as u32), root(&mut parent, neighbour as u32));
@@ -136,16 +140,24 @@ fn compact(numbers: &mut [u32]) -> usize {
     count as usize
 }
 
-fn nodes_of(of_pixel: &[u32], count: usize, lab: &[[f32; 3]], depth: Option<&DepthMap>, width: usize) -> Vec<Node> {
+fn nodes_of(
+    of_pixel: &[u32],
+    count: usize,
+    lab: &[[f32; 3]],
+    depth: Option<&DepthMap>,
+    fineness: Option<&[f32]>,
+    width: usize,
+) -> Vec<Node> {
     let mut nodes = vec![Node::default(); count];
     for (at, &node) in of_pixel.iter().enumerate() {
         let depth = depth.map(|depth| depth.depths[at]).filter(|&depth| known(depth));
+        let area = fineness.map_or(1.0, |fineness| fineness[at]);
         let pixel = Node {
-            area: 1.0,
+            area,
             lab: lab[at],
             at: [(at % width) as f32, (at / width) as f32],
             depth: depth.map_or(0.0, f32::ln),
-            depth_area: f32::from(u8::from(depth.is_some())),
+            depth_area: if depth.is_some() { area } else { 0.0 },
         };
         let node = &mut nodes[node as usize];
         *node = joined(node, &pixel);

@@ -8,6 +8,7 @@ use super::graph::RegionGraph;
 use super::prepared::Prepared;
 use super::raster::{Raster, reduced_depth, reduced_image, reduction};
 use super::regions::{RegionOptions, partition};
+use super::surface::Surfaces;
 use crate::engine::job::Progress;
 use crate::frames::{DepthMap, Image};
 use crate::masks::{MaskError, PreparedFrame, Segmenter};
@@ -64,13 +65,17 @@ fn prepare_reduced(
     progress.step(0, STAGES)?;
     let lab = lab_of(reduced);
     progress.step(1, STAGES)?;
-    let edges = edge_map(&lab, width, height, depth.map(depth_edges).as_ref());
+    let depth = depth.map(|depth| (depth, Surfaces::new(depth)));
+    let depth = depth.as_ref().map(|(depth, surfaces)| (*depth, surfaces));
+    let jumps = depth.map(|(depth, surfaces)| (depth_edges(depth), surfaces));
+    let edges = edge_map(&lab, width, height, jumps.as_ref().map(|(jumps, surfaces)| (jumps, *surfaces)));
     progress.step(2, STAGES)?;
     // Depth separates things too small for colour, which need regions of their own.
     let area_px = RegionOptions::default().area_px;
     let options =
         RegionOptions { area_px: if depth.is_some() { area_px * 2 / 3 } else { area_px }, ..RegionOptions::default() };
-    let partition = partition(&lab, depth, &edges, width, &options);
+    let smooth = depth.map(|(_, surfaces)| surfaces.mean(&lab, 1));
+    let partition = partition(smooth.as_ref().unwrap_or(&lab), depth, &edges, width, &options);
     progress.step(3, STAGES)?;
     let graph = RegionGraph::new(&partition, &lab, depth, width);
     let palette = Palette::new(&graph.regions);

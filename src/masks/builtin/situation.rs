@@ -148,7 +148,7 @@ fn same_thing(graph: &RegionGraph, seed: u32, roles: &[Role], off_depth: &[f32])
         for &(to, _) in graph.neighbours(at as usize) {
             let (from, to) = (at as usize, to as usize);
             let jump = (graph.regions[from].ln_depth - graph.regions[to].ln_depth).abs();
-            if !reached[to] && roles[to] != Role::Wall && off_depth[to] < 0.5 && jump < JUMP {
+            if !reached[to] && off_depth[to] < 0.5 && jump < JUMP {
                 reached[to] = true;
                 open.push(to as u32);
             }

@@ -7,7 +7,7 @@ use super::graph::Edge;
 use super::situation::Situation;
 
 /// Number of traits.
-pub(super) const TRAITS: usize = 21;
+pub(super) const TRAITS: usize = 25;
 
 /// Traits of a candidate; see [`traits_of`] for their order.
 pub(super) type Traits = [f32; TRAITS];
@@ -38,7 +38,13 @@ struct BorderSums {
 /// depth possible), weak share of the border, share along joined regions, share on the rim, mean leaning inside,
 /// just outside, perimeter / √area, ln(farthest / depth of the click), agreement (0 until all candidates are there),
 /// ln(area / answer so far), that times ln of the number of clicks, share nearer to a click of the other side.
-pub(super) fn traits_of(situation: &Situation<'_>, change: &[bool], odds: &[f32], geodesic: &[f32]) -> Traits {
+pub(super) fn traits_of(
+    situation: &Situation<'_>,
+    change: &[bool],
+    odds: &[f32],
+    geodesic: &[f32],
+    limit: f32,
+) -> Traits {
     let graph = situation.graph;
     let sums = border_sums(situation, change, odds, geodesic);
     let changed = || (0..change.len()).filter(|&at| change[at]);
@@ -57,6 +63,8 @@ pub(super) fn traits_of(situation: &Situation<'_>, change: &[bool], odds: &[f32]
     let outer = (sums.length + sums.rim).max(1.0);
     let whole = (outer + sums.joined).max(1.0);
     let inner = |values: &[f32]| changed().map(|at| values[at] * graph.regions[at].area).sum::<f32>() / area;
+    let alike = limit / 10.0;
+    let same_side = situation.clicks.iter().filter(|(click, _)| click.include == situation.include).count() as f32;
     let against_answer = (area / situation.area.max(100.0)).ln();
     [
         (sums.price + 0.25 * sums.rim) / outer,
@@ -80,6 +88,10 @@ pub(super) fn traits_of(situation: &Situation<'_>, change: &[bool], odds: &[f32]
         offset / area.sqrt(),
         area / box_area(situation, change),
         1.0 - seed_part / area,
+        alike,
+        alike * same_side.ln(),
+        alike * (situation.reach / 60.0).min(2.0),
+        alike * at_click.ln(),
     ]
 }
 

@@ -39,7 +39,7 @@ impl Material {
         match self {
             Self::Picture { bitmap } => bitmaps.get(*bitmap).map_or(Vec3::ZERO, |bitmap| bitmap.sample(uv)),
             Self::Blade { length_m } => linear(blade(mm, uv.y / length_m, seed)),
-            Self::Sheath => linear(fibrous(Vec3::new(0.47, 0.58, 0.27), mm, 1.4, seed)),
+            Self::Sheath => linear(fibrous(Vec3::new(0.45, 0.57, 0.25), mm, 1.4, seed)),
             Self::Culm { nodes_m } => linear(culm(mm, nodes_m, seed)),
             Self::Rachis => linear(Vec3::new(0.60, 0.62, 0.30) * (1.0 + 0.15 * value_noise(mm, seed))),
             Self::Grain => linear(grain(mm, seed)),
@@ -90,7 +90,7 @@ fn fibrous(base: Vec3, mm: Vec2, pitch_mm: f32, seed: u32) -> Vec3 {
 }
 
 fn culm(mm: Vec2, nodes_m: &[f32], seed: u32) -> Vec3 {
-    let tissue = fibrous(Vec3::new(0.52, 0.60, 0.28), mm, 1.9, seed);
+    let tissue = fibrous(Vec3::new(0.56, 0.60, 0.295), mm, 1.9, seed);
     let distance = nodes_m.iter().map(|node| (mm.y - node * 1000.0).abs()).fold(f32::MAX, f32::min);
     let ring = (-(distance / 1.6).powi(2)).exp();
     let halo = (-((distance - 5.0) / 2.5).powi(2)).exp();

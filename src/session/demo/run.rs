@@ -9,7 +9,7 @@ use super::studio::{Studio, Watch};
 use super::user::SimulatedUser;
 use crate::engine::job::Progress;
 use crate::frames::{FrameFolder, OpenRequest};
-use crate::masks::{LabelMask, LabelTree};
+use crate::masks::LabelMask;
 use crate::scene::LabelledCloud;
 use crate::scene::ply::{Coloring, read_ply, save_ply};
 use crate::scene::score::{CloudScoreOptions, score_cloud};
@@ -26,7 +26,7 @@ pub struct DemoOptions {
 }
 
 /// Clicks per class on the first frame, and on each frame corrected after.
-const FIRST_CLICKS: usize = 5;
+const FIRST_CLICKS: usize = 6;
 const CORRECTING_CLICKS: usize = 2;
 
 /// Truth points farther from the result than this count as not reconstructed, metres.
@@ -45,21 +45,20 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
     let scene = Scene::build(&options.scene)?;
     let truth_cloud = clock.time("1 scene", || make_recording(&scene, out))?;
     let level = Scene::CLASS_LEVEL;
-    let truth_masks: Vec<LabelMask> =
-        scene.views().iter().map(|view| at_level(scene.render_exact(view).mask, scene.tree(), level)).collect();
+    let truth_masks: Vec<LabelMask> = scene.views().iter().map(|view| scene.render_exact(view).mask).collect();
 
     let mut studio = Studio::new(session, watch);
     clock.time("2 open", || studio.act(Command::New(new_project(out))))?;
-    let mut user = SimulatedUser::new(&mut studio, &truth_masks, scene.tree(), level)?;
-    clock.time("3 click", || user.click_on(&mut studio, truth_masks.len() / 2, FIRST_CLICKS))?;
-    clock.time("4 track", || user.track(&mut studio))?;
+    let mut user = SimulatedUser::new(&mut studio, truth_masks, scene.tree(), level)?;
+    clock.time("3 click", || user.click_on(&mut studio, scene.views().len() / 2, FIRST_CLICKS))?;
+    clock.time("4 track", || SimulatedUser::track(&mut studio))?;
     while let Some(frame) = user.worst_frame(&studio)? {
         let before = user.clicks();
         clock.time("3 click", || user.click_on(&mut studio, frame, CORRECTING_CLICKS))?;
         if user.clicks() == before {
             break;
         }
-        clock.time("4 track", || user.track(&mut studio))?;
+        clock.time("4 track", || SimulatedUser::track(&mut studio))?;
     }
     clock.time("5 fuse", || studio.act(Command::Fuse(FuseRequest::default())))?;
     let cloud_path = out.join("cloud.ply");
@@ -133,13 +132,6 @@ fn new_project(out: &Path) -> NewProject {
         cameras: Some(recording.join("sparse")),
         intrinsics: None,
     }
-}
-
-fn at_level(mut mask: LabelMask, tree: &LabelTree, level: usize) -> LabelMask {
-    for id in &mut mask.ids {
-        *id = tree.at_level(*id, level);
-    }
-    mask
 }
 
 fn score(truth: &LabelledCloud, cloud_path: &Path) -> Result<CloudReport> {

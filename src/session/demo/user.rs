@@ -1,9 +1,10 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context, Result};
+use glam::DVec2;
 
 use super::studio::Studio;
-use crate::masks::{Click, LabelId, LabelMask, LabelTree, Prompt, next_click};
+use crate::masks::{Click, LabelId, LabelMask, LabelTree, Prompt, next_label_click};
 use crate::session::{Command, PromptRequest, TrackSettings};
 
 /// Clicks that the simulated user may give per class over the whole sequence.
@@ -12,10 +13,13 @@ pub const MAX_CLICKS: usize = 8;
 /// A class is left alone on a frame where its mask is this good.
 const GOOD_IOU: f64 = 0.94;
 
+/// Around a click that did not help the user does not click again.
+const LEFT_ALONE_PX: f64 = 20.0;
+
 /// A user who reads the truth only to place clicks where a person would: at the deepest point of the largest error.
-pub(super) struct SimulatedUser<'t> {
-    /// Exact masks in class ids of the truth, by frame.
-    truth: &'t [LabelMask],
+pub(super) struct SimulatedUser {
+    /// Exact masks in class ids of the project, by frame.
+    truth: Vec<LabelMask>,
     classes: Vec<Class>,
     given: BTreeMap<(usize, LabelId), Vec<Click>>,
 }
@@ -23,53 +27,59 @@ pub(super) struct SimulatedUser<'t> {
 /// A class to be labelled.
 struct Class {
     name: String,
-    in_truth: LabelId,
-    in_project: LabelId,
+    id: LabelId,
     clicks: usize,
 }
 
-impl<'t> SimulatedUser<'t> {
-    /// Makes the classes of `tree` as labels of the open project, under the specimen as in the truth.
+impl SimulatedUser {
+    /// Makes the classes of `tree` as labels of the open project, under the specimen as in the truth. `truth` holds a
+    /// mask per frame in ids of `tree`.
     pub(super) fn new(
         studio: &mut Studio<'_, '_>,
-        truth: &'t [LabelMask],
+        mut truth: Vec<LabelMask>,
         tree: &LabelTree,
         level: usize,
     ) -> Result<Self> {
         let mut classes = Vec::new();
+        let mut in_project = BTreeMap::new();
         for label in tree.iter().filter(|label| tree.depth(label.id) <= level) {
             let parent = label.parent.and_then(|id| tree.get(id)).map(|parent| parent.name.clone());
             studio.act(Command::AddLabel { name: label.name.clone(), parent, color: Some(label.color) })?;
             if tree.depth(label.id) == level {
                 let project = studio.session.project().context("no project is open")?;
-                let made = project.labels.by_name(&label.name).context("the label was not made")?.id;
-                classes.push(Class { name: label.name.clone(), in_truth: label.id, in_project: made, clicks: 0 });
+                let id = project.labels.by_name(&label.name).context("the label was not made")?.id;
+                in_project.insert(label.id, id);
+                classes.push(Class { name: label.name.clone(), id, clicks: 0 });
             }
+        }
+        for id in truth.iter_mut().flat_map(|mask| &mut mask.ids) {
+            *id = in_project.get(&tree.at_level(*id, level)).copied().unwrap_or(LabelId::NONE);
         }
         Ok(Self { truth, classes, given: BTreeMap::new() })
     }
 
-    /// Clicks on one frame, always for the class with the largest wrong area there, each at most `most` times; a click
-    /// that made things worse is taken back (and counted).
+    /// Clicks on one frame, always into the largest error there, at most `most` times for each class; a click that
+    /// made things worse is taken back (and counted), and the place left alone.
     pub(super) fn click_on(&mut self, studio: &mut Studio<'_, '_>, frame: usize, most: usize) -> Result<()> {
-        let before: Vec<usize> = self.classes.iter().map(|class| class.clicks).collect();
-        let mut given_up = vec![false; self.classes.len()];
+        let most: Vec<usize> = self.classes.iter().map(|class| MAX_CLICKS.min(class.clicks + most)).collect();
+        let mut left_alone: Vec<Click> = Vec::new();
         loop {
-            let mut worst = (0, None);
-            for (index, class) in self.classes.iter().enumerate() {
-                let open = !given_up[index] && class.clicks < MAX_CLICKS.min(before[index] + most);
-                let wrong = self.wrong_pixels(studio, frame, class)?;
-                if open && self.iou(studio, frame, class)? < GOOD_IOU && wrong > worst.0 {
-                    worst = (wrong, Some(index));
-                }
+            let ious = self.ious(studio, frame)?;
+            let classes = self.classes.iter().zip(&most).zip(&ious);
+            let open: Vec<LabelId> = classes
+                .filter(|((class, most), iou)| class.clicks < **most && **iou < GOOD_IOU)
+                .map(|((class, _), _)| class.id)
+                .collect();
+            let seen = overlooking(&mask_of(studio, frame)?, &self.truth[frame], &left_alone);
+            let Some((label, click)) = next_label_click(&self.truth[frame], &seen, &open) else { return Ok(()) };
+            if !self.click(studio, frame, label, click)? {
+                left_alone.push(click);
             }
-            let Some(index) = worst.1 else { return Ok(()) };
-            given_up[index] = !self.click(studio, frame, index)?;
         }
     }
 
     /// Carries the masks through the sequence.
-    pub(super) fn track(&self, studio: &mut Studio<'_, '_>) -> Result<()> {
+    pub(super) fn track(studio: &mut Studio<'_, '_>) -> Result<()> {
         studio.act(Command::Track(TrackSettings {
             tracker: "geometry".into(),
             from: None,
@@ -81,15 +91,13 @@ impl<'t> SimulatedUser<'t> {
 
     /// The frame with the worst masks of classes for which clicks are left; `None` when all is good.
     pub(super) fn worst_frame(&self, studio: &Studio<'_, '_>) -> Result<Option<usize>> {
-        let mut worst = (f64::INFINITY, None);
+        let mut worst = (GOOD_IOU, None);
         for frame in 0..self.truth.len() {
-            let mut sum = 0.0;
-            let open: Vec<&Class> = self.classes.iter().filter(|class| class.clicks < MAX_CLICKS).collect();
-            for class in &open {
-                sum += self.iou(studio, frame, class)?;
-            }
-            let mean = sum / open.len().max(1) as f64;
-            if !open.is_empty() && mean < GOOD_IOU && mean < worst.0 {
+            let ious = self.ious(studio, frame)?;
+            let open = self.classes.iter().zip(ious).filter(|(class, _)| class.clicks < MAX_CLICKS);
+            let ious: Vec<f64> = open.map(|(_, iou)| iou).collect();
+            let mean = ious.iter().sum::<f64>() / ious.len() as f64;
+            if mean < worst.0 {
                 worst = (mean, Some(frame));
             }
         }
@@ -98,15 +106,12 @@ impl<'t> SimulatedUser<'t> {
 
     /// Mean IoU over all frames, per class.
     pub(super) fn mean_ious(&self, studio: &Studio<'_, '_>) -> Result<BTreeMap<String, f64>> {
-        let mut means = BTreeMap::new();
-        for class in &self.classes {
-            let mut sum = 0.0;
-            for frame in 0..self.truth.len() {
-                sum += self.iou(studio, frame, class)?;
-            }
-            means.insert(class.name.clone(), sum / self.truth.len().max(1) as f64);
+        let mut sums = vec![0.0; self.classes.len()];
+        for frame in 0..self.truth.len() {
+            sums.iter_mut().zip(self.ious(studio, frame)?).for_each(|(sum, iou)| *sum += iou);
         }
-        Ok(means)
+        let mean = |(class, sum): (&Class, f64)| (class.name.clone(), sum / self.truth.len().max(1) as f64);
+        Ok(self.classes.iter().zip(sums).map(mean).collect())
     }
 
     /// Clicks given so far, per class.
@@ -115,45 +120,51 @@ impl<'t> SimulatedUser<'t> {
     }
 
     /// One click; returns whether it helped.
-    fn click(&mut self, studio: &mut Studio<'_, '_>, frame: usize, index: usize) -> Result<bool> {
-        let class = &self.classes[index];
-        let mask = mask_of(studio, frame)?;
-        let truth = self.truth[frame].region(class.in_truth);
-        let Some(click) = next_click(&truth, &mask.region(class.in_project)) else { return Ok(false) };
-        let before = self.iou(studio, frame, class)?;
-        let label = class.in_project;
+    fn click(&mut self, studio: &mut Studio<'_, '_>, frame: usize, label: LabelId, click: Click) -> Result<bool> {
+        let before = self.ious(studio, frame)?;
         let clicks = self.given.entry((frame, label)).or_default();
         clicks.push(click);
         let prompt = Prompt { clicks: clicks.clone(), boxes: Vec::new() };
-        self.classes[index].clicks += 1;
+        self.classes.iter_mut().filter(|class| class.id == label).for_each(|class| class.clicks += 1);
         studio.act(Command::Prompt(PromptRequest { frame, label, prompt, segmenter: "builtin".into() }))?;
-        if self.iou(studio, frame, &self.classes[index])? < before {
-            studio.act(Command::Undo)?;
-            if let Some(clicks) = self.given.get_mut(&(frame, label)) {
-                clicks.pop();
+        if self.ious(studio, frame)?.iter().sum::<f64>() >= before.iter().sum::<f64>() {
+            return Ok(true);
+        }
+        studio.act(Command::Undo)?;
+        if let Some(clicks) = self.given.get_mut(&(frame, label)) {
+            clicks.pop();
+        }
+        Ok(false)
+    }
+
+    /// IoU of each class on one frame.
+    fn ious(&self, studio: &Studio<'_, '_>, frame: usize) -> Result<Vec<f64>> {
+        let mask = mask_of(studio, frame)?;
+        let iou = |class: &Class| {
+            let (mut both, mut either) = (0_usize, 0_usize);
+            for (&truth, &result) in self.truth[frame].ids.iter().zip(&mask.ids) {
+                let (a, b) = (truth == class.id, result == class.id);
+                both += usize::from(a && b);
+                either += usize::from(a || b);
             }
-            return Ok(false);
-        }
-        Ok(true)
+            if either == 0 { 1.0 } else { both as f64 / either as f64 }
+        };
+        Ok(self.classes.iter().map(iou).collect())
     }
+}
 
-    fn wrong_pixels(&self, studio: &Studio<'_, '_>, frame: usize, class: &Class) -> Result<usize> {
-        let mask = mask_of(studio, frame)?;
-        let differs =
-            |(&truth, &result): (&LabelId, &LabelId)| (truth == class.in_truth) != (result == class.in_project);
-        Ok(self.truth[frame].ids.iter().zip(&mask.ids).filter(|&pair| differs(pair)).count())
-    }
-
-    fn iou(&self, studio: &Studio<'_, '_>, frame: usize, class: &Class) -> Result<f64> {
-        let mask = mask_of(studio, frame)?;
-        let (mut both, mut either) = (0_usize, 0_usize);
-        for (&truth, &result) in self.truth[frame].ids.iter().zip(&mask.ids) {
-            let (a, b) = (truth == class.in_truth, result == class.in_project);
-            both += usize::from(a && b);
-            either += usize::from(a || b);
+/// The mask with its errors around some places put right.
+fn overlooking(mask: &LabelMask, truth: &LabelMask, places: &[Click]) -> LabelMask {
+    let mut mask = mask.clone();
+    let width = mask.width;
+    for (at, (id, truth)) in mask.ids.iter_mut().zip(&truth.ids).enumerate() {
+        let (x, y) = (at as u32 % width, at as u32 / width);
+        let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        if places.iter().any(|place| place.at_px.distance(centre) < LEFT_ALONE_PX) {
+            *id = *truth;
         }
-        Ok(if either == 0 { 1.0 } else { both as f64 / either as f64 })
     }
+    mask
 }
 
 fn mask_of(studio: &Studio<'_, '_>, frame: usize) -> Result<LabelMask> {
