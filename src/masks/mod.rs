@@ -11,6 +11,7 @@ mod error;
 mod formats;
 mod label;
 mod label_tree;
+mod landmarks;
 mod mask;
 mod outline;
 mod prompt;
@@ -30,6 +31,7 @@ pub use formats::{
 };
 pub use label::{Label, LabelId};
 pub use label_tree::LabelTree;
+pub use landmarks::landmarks;
 pub use mask::LabelMask;
 pub use outline::{Outline, outlines, simplified_ring};
 pub use prompt::{Click, Prompt, PxBox};

@@ -82,7 +82,7 @@ impl<'a> Query<'a> {
     /// Notes a new click without answering it; its region is on one side as a whole from now on.
     pub fn note_new_click(&mut self, click: &Click) {
         let at = self.note(click);
-        self.decided[at] |= !self.closed[at];
+        self.decided[at] |= !click.include || !self.closed[at];
     }
 
     fn note(&mut self, click: &Click) -> usize {

@@ -4,7 +4,7 @@ use anyhow::{Result, ensure};
 
 use super::paint::{anchor, label_name, mask_of};
 use crate::masks::{
-    Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, taken_by_others,
+    Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, landmarks, taken_by_others,
 };
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{Edit, Event, JobId, Project, PromptRequest, Session, engines};
@@ -98,7 +98,7 @@ fn answer(ready: &dyn PreparedFrame, project: &Project, request: &PromptRequest)
     let mask = mask_of(project, request.frame)?;
     let previous = refines(project, request).then(|| mask.region(request.label)).filter(|region| region.area() > 0);
     let taken = taken(project, &mask, request);
-    let prompt = against_rivals(project, request);
+    let prompt = against_rivals(project, &mask, request);
     let request = SegmentRequest { prompt: &prompt, previous: previous.as_ref(), taken: taken.as_ref() };
     Ok(ready.segment(&request)?)
 }
@@ -113,28 +113,48 @@ fn refines(project: &Project, request: &PromptRequest) -> bool {
 }
 
 /// What is given for the label, and that the pixels where other labels of the frame were clicked are not it. Labels
-/// above or below the label are no rivals.
-fn against_rivals(project: &Project, request: &PromptRequest) -> Prompt {
+/// above or below the label are no rivals. Where a mask came without clicks, the middles of its parts stand for them.
+fn against_rivals(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Prompt {
     let mut prompt = request.prompt.clone();
+    let Some(newest) = prompt.clicks.last().map(|click| click.at_px) else { return prompt };
     let kin = [project.labels.path(request.label), project.labels.descendants(request.label)].concat();
-    let rivals = project.prompts.iter().filter(|((frame, id), _)| *frame == request.frame && !kin.contains(id));
-    let clicks = rivals.flat_map(|(_, given)| &given.clicks).filter(|click| click.include);
-    prompt.clicks.splice(0..0, clicks.map(|click| Click { include: false, ..*click }));
+    let prompted = |id: LabelId| project.prompts.get(&(request.frame, id));
+    let stand_ins = |id: LabelId, include: bool| -> Vec<Click> {
+        let points = landmarks(&mask.region(id), STAND_INS);
+        let away = points.into_iter().filter(|point| point.distance(newest) > STAND_IN_AWAY_PX);
+        away.map(|at_px| Click { at_px, include }).collect()
+    };
+    let mut given = Vec::new();
+    for id in project.labels.iter().map(|label| label.id).filter(|id| !kin.contains(id)) {
+        match prompted(id) {
+            Some(rival) => {
+                let includes = rival.clicks.iter().filter(|click| click.include);
+                given.extend(includes.map(|click| Click { include: false, ..*click }));
+            }
+            None => given.extend(stand_ins(id, false)),
+        }
+    }
+    if prompted(request.label).is_none() {
+        given.extend(stand_ins(request.label, true));
+    }
+    prompt.clicks.splice(0..0, given);
     prompt
 }
 
-/// Labels on the frame that give way to an answer: those that were not prompted there, and those in whose pixels the
-/// newest click lies, if it includes: the user says that they are wrong there.
+/// Parts of a mask without clicks that are stood for, and how far from the newest click: what lies there may be wrong.
+const STAND_INS: usize = 8;
+const STAND_IN_AWAY_PX: f64 = 20.0;
+
+/// The label that gives way to an answer: the one in whose pixels the newest click lies, if it includes: the user says
+/// that it is wrong there.
 fn giving_way(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Vec<LabelId> {
     let newest = request.prompt.clicks.last().filter(|click| click.include);
     let contested = newest.and_then(|click| click.pixel_in(mask.width, mask.height)).map(|at| mask.ids[at]);
-    let prompted = |id| id != request.label && project.prompts.contains_key(&(request.frame, id));
     let below = project.labels.descendants(request.label);
-    let ids = project.labels.iter().map(|label| label.id);
-    ids.filter(|&id| (!prompted(id) || contested == Some(id)) && !below.contains(&id)).collect()
+    contested.into_iter().filter(|id| *id != LabelId::NONE && !below.contains(id)).collect()
 }
 
-/// The pixels that an answer may not take: those of other labels prompted on the frame, but for parts of the label.
+/// The pixels that an answer may not take: those of other labels, but for parts of the label.
 fn taken(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Option<Region> {
     let mut open = giving_way(project, mask, request);
     open.extend(project.labels.descendants(request.label));

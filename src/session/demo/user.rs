@@ -58,18 +58,21 @@ impl SimulatedUser {
         Ok(Self { truth, classes, given: BTreeMap::new() })
     }
 
-    /// Clicks on one frame, always into the largest error there, at most `most` times for each class; a click that
-    /// made things worse is taken back (and counted), and the place left alone.
+    /// Clicks on one frame, once for each class nothing is there of, then always into the largest error, at most `most`
+    /// times for each class; a click that made things worse is taken back (and counted), and the place left alone.
     pub(super) fn click_on(&mut self, studio: &mut Studio<'_, '_>, frame: usize, most: usize) -> Result<()> {
         let most: Vec<usize> = self.classes.iter().map(|class| MAX_CLICKS.min(class.clicks + most)).collect();
         let mut left_alone: Vec<Click> = Vec::new();
         loop {
             let ious = self.ious(studio, frame)?;
             let classes = self.classes.iter().zip(&most).zip(&ious);
-            let open: Vec<LabelId> = classes
+            let open: Vec<(LabelId, f64)> = classes
                 .filter(|((class, most), iou)| class.clicks < **most && **iou < GOOD_IOU)
-                .map(|((class, _), _)| class.id)
+                .map(|((class, _), iou)| (class.id, *iou))
                 .collect();
+            let new = open.iter().filter(|(id, iou)| *iou == 0.0 && !self.given.contains_key(&(frame, *id)));
+            let new: Vec<LabelId> = new.map(|(id, _)| *id).collect();
+            let open = if new.is_empty() { open.into_iter().map(|(id, _)| id).collect() } else { new };
             let seen = overlooking(&mask_of(studio, frame)?, &self.truth[frame], &left_alone);
             let Some((label, click)) = next_label_click(&self.truth[frame], &seen, &open) else { return Ok(()) };
             if !self.click(studio, frame, label, click)? {

@@ -26,7 +26,10 @@ pub fn play(case: &Case, choose: &mut Choose<'_>) -> Vec<f32> {
     let most = case.clicks * game.objects.len();
     let mut means = Vec::new();
     for given in 0..most {
-        let open: Vec<LabelId> = game.objects.iter().copied().filter(|id| game.given(*id) < case.clicks).collect();
+        // One click for each object first, then always into the largest error.
+        let left: Vec<LabelId> = game.objects.iter().copied().filter(|id| game.given(*id) < case.clicks).collect();
+        let new: Vec<LabelId> = left.iter().copied().filter(|id| game.given(*id) == 0).collect();
+        let open = if new.is_empty() { left } else { new };
         let Some((label, click)) = next_label_click(&truth, &game.mask, &open) else { break };
         game.answer(label, click, choose);
         if (given + 1) % game.objects.len() == 0 {
