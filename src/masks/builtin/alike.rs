@@ -11,7 +11,7 @@ use super::situation::Situation;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AlikeOptions {
     /// Farthest appearance that is still taken, ΔE; one answer each.
-    pub limits: [f32; 4],
+    pub limits: [f32; 5],
     /// ΔE nearer to the one side than to the other that is worth one log odd.
     pub scale: f32,
     /// Worth of one log odd on one pixel, in pixel sides of a border without any edge.
@@ -20,7 +20,7 @@ pub(super) struct AlikeOptions {
 
 impl Default for AlikeOptions {
     fn default() -> Self {
-        Self { limits: [5.0, 8.0, 12.0, 18.0], scale: 2.0, data_weight: 0.15 }
+        Self { limits: [3.5, 5.0, 7.0, 10.0, 16.0], scale: 2.0, data_weight: 0.15 }
     }
 }
 

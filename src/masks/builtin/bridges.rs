@@ -1,6 +1,8 @@
 //! Regions that touch in space though not in the picture: the grains of an ear before a wall, a leaf on both sides of
 //! a stem before it. Where there is depth they are joined by edges of their own.
 
+use rayon::prelude::*;
+
 use super::color::squared_difference;
 use super::graph::{Edge, RegionStats};
 
@@ -26,13 +28,7 @@ impl Default for BridgeOptions {
 /// Edges between regions at the same depth across a narrow gap of another depth, ordered.
 pub(super) fn bridges(regions: &[RegionStats], edges: &[Edge], width: usize, options: &BridgeOptions) -> Vec<Edge> {
     let step = |a: usize, b: usize| (regions[a].ln_depth - regions[b].ln_depth).abs();
-    let mut beside_jump = vec![false; regions.len()];
-    for edge in edges {
-        let (a, b) = (edge.a as usize, edge.b as usize);
-        if step(a, b) > options.jump {
-            (beside_jump[a], beside_jump[b]) = (true, true);
-        }
-    }
+    let beside_jump = beside_jump(regions, edges, options.jump);
     let touching: std::collections::BTreeSet<(u32, u32)> = edges.iter().map(|edge| (edge.a, edge.b)).collect();
     let cells = Cells::new(regions, &beside_jump, width, 4.0 * options.gap_px);
     let mut found = std::collections::BTreeMap::new();
@@ -40,18 +36,63 @@ pub(super) fn bridges(regions: &[RegionStats], edges: &[Edge], width: usize, opt
         let mut near: Vec<(f32, u32)> = cells
             .around(regions[a].at)
             .filter(|&b| b as usize != a && step(a, b as usize) < options.depth_step)
+            .filter(|&b| !touching.contains(&((a as u32).min(b), (a as u32).max(b))))
             .map(|b| (gap(&regions[a], &regions[b as usize]), b))
             .filter(|&(gap, _)| gap < options.gap_px)
             .collect();
         near.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
         for &(gap, b) in near.iter().take(options.most) {
-            let pair = ((a as u32).min(b), (a as u32).max(b));
-            if !touching.contains(&pair) {
-                found.insert(pair, gap);
-            }
+            found.insert(((a as u32).min(b), (a as u32).max(b)), gap);
         }
     }
     found.into_iter().map(|((a, b), _)| bridge(regions, a, b)).collect()
+}
+
+/// For each region beside a jump of depth the others so near in the picture and in depth that they may well be parts of
+/// the same thing, as a plant's leaves and grains are.
+pub(super) fn hops(regions: &[RegionStats], edges: &[Edge], width: usize, options: &HopOptions) -> Vec<Vec<u32>> {
+    let beside_jump = beside_jump(regions, edges, options.jump);
+    let cells = Cells::new(regions, &beside_jump, width, options.gap_px);
+    let to = |a: usize| -> Vec<u32> {
+        if !beside_jump[a] {
+            return Vec::new();
+        }
+        let near = |b: &u32| {
+            let (here, there) = (&regions[a], &regions[*b as usize]);
+            (here.ln_depth - there.ln_depth).abs() < options.depth_step && gap(here, there) < options.gap_px
+        };
+        cells.around(regions[a].at).filter(|&b| b as usize != a).filter(near).collect()
+    };
+    (0..regions.len()).into_par_iter().map(to).collect()
+}
+
+/// When two regions may be parts of one thing.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct HopOptions {
+    /// Widest gap between them, pixels.
+    pub gap_px: f32,
+    /// Largest difference of ln depth.
+    pub depth_step: f32,
+    /// A neighbour this much nearer or farther lets a region take part, ln depth.
+    pub jump: f32,
+}
+
+impl Default for HopOptions {
+    fn default() -> Self {
+        Self { gap_px: 24.0, depth_step: 0.025, jump: 0.04 }
+    }
+}
+
+/// Which regions have a neighbour that is much nearer or farther.
+fn beside_jump(regions: &[RegionStats], edges: &[Edge], jump: f32) -> Vec<bool> {
+    let mut beside = vec![false; regions.len()];
+    for edge in edges {
+        let (a, b) = (edge.a as usize, edge.b as usize);
+        if (regions[a].ln_depth - regions[b].ln_depth).abs() > jump {
+            (beside[a], beside[b]) = (true, true);
+        }
+    }
+    beside
 }
 
 fn bridge(regions: &[RegionStats], a: u32, b: u32) -> Edge {

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::bridges::{BridgeOptions, bridges};
+use super::bridges::{BridgeOptions, HopOptions, bridges, hops};
 use super::color::squared_difference;
 use super::depth_edges::known;
 use super::filter::box_mean;
@@ -46,6 +46,8 @@ pub(super) struct RegionGraph {
     pub height: usize,
     pub regions: Vec<RegionStats>,
     pub edges: Vec<Edge>,
+    /// With depth, per region the others that may be parts of the same thing without touching it.
+    pub hops: Vec<Vec<u32>>,
     first: Vec<u32>,
     /// (neighbour, edge) of each region, from `first[region]`.
     neighbours: Vec<(u32, u32)>,
@@ -70,11 +72,12 @@ impl RegionGraph {
             .collect();
         let (first, neighbours) = adjacency(&edges, regions.len());
         strengthen(&mut edges, &regions);
-        let mut graph = Self { width, height, regions: Vec::new(), edges, first, neighbours };
+        let mut graph = Self { width, height, regions: Vec::new(), edges, hops: Vec::new(), first, neighbours };
         if depth.is_some() {
             let seen: Vec<bool> = regions.iter().map(|region| !region.ln_depth.is_nan()).collect();
             graph.fill_depth(&mut regions);
             graph.add_depth_steps(&regions, &seen);
+            graph.hops = hops(&regions, &graph.edges, width, &HopOptions::default());
             let bridges = bridges(&regions, &graph.edges, width, &BridgeOptions::default());
             graph.edges.extend(bridges);
             (graph.first, graph.neighbours) = adjacency(&graph.edges, regions.len());
@@ -122,6 +125,7 @@ impl RegionGraph {
             + size_of_val(&*self.edges)
             + size_of_val(&*self.first)
             + size_of_val(&*self.neighbours)
+            + self.hops.iter().map(|hops| size_of_val(&**hops)).sum::<usize>()
     }
 
     /// Regions without depth take that of the neighbour they are least kept apart from, growing from the known ones.

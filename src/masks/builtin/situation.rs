@@ -153,6 +153,12 @@ fn same_thing(graph: &RegionGraph, seed: u32, roles: &[Role], off_depth: &[f32])
                 open.push(to as u32);
             }
         }
+        for &to in &graph.hops[at as usize] {
+            if !reached[to as usize] && off_depth[to as usize] < 0.5 {
+                reached[to as usize] = true;
+                open.push(to);
+            }
+        }
     }
     reached.iter().zip(roles).map(|(&reached, role)| reached && matches!(role, Role::Open | Role::Seed)).collect()
 }

@@ -41,11 +41,36 @@ pub fn gains(samples: &[Sample], weights: &Weights) {
         for group in ["tiller", "shelf", "alonep", "aloneb", "bricks"] {
             let of: Vec<&&Sample> = of_kind.iter().filter(|s| s.clip.starts_with(group)).collect();
             let n = of.len().max(1) as f32;
-            print!("   DBG {group} {}: oracle {:.4} held {:.4};", of.len(), of.iter().map(|s| s.gains[oracle(&s.gains)]).sum::<f32>() / n, of.iter().map(|s| s.gains[by(without(&held_out, &s.clip), s, 1.0)]).sum::<f32>() / n);
-            for limit in [0.5, 0.8, 1.2, 1.8f32] {
-                print!(" {limit}: {:.4}", of.iter().map(|s| s.terms.iter().position(|t| (t[21] - limit).abs() < 1e-3).map_or(0.0, |at| s.gains[at])).sum::<f32>() / n);
+            print!(
+                "   DBG {group} {}: oracle {:.4} held {:.4};",
+                of.len(),
+                of.iter().map(|s| s.gains[oracle(&s.gains)]).sum::<f32>() / n,
+                of.iter().map(|s| s.gains[by(without(&held_out, &s.clip), s, 1.0)]).sum::<f32>() / n
+            );
+            for limit in [0.35, 0.5, 0.7, 1.0, 1.6f32] {
+                print!(
+                    " {limit}: {:.4}",
+                    of.iter()
+                        .map(|s| s
+                            .terms
+                            .iter()
+                            .position(|t| (t[21] - limit).abs() < 1e-3)
+                            .map_or(0.0, |at| s.gains[at]))
+                        .sum::<f32>()
+                        / n
+                );
             }
-            let noalike: f32 = of.iter().map(|s| s.terms.iter().zip(&s.gains).filter(|(t, _)| t[21] == 0.0).map(|(_, g)| *g).fold(f32::NEG_INFINITY, f32::max)).sum();
+            let noalike: f32 = of
+                .iter()
+                .map(|s| {
+                    s.terms
+                        .iter()
+                        .zip(&s.gains)
+                        .filter(|(t, _)| t[21] == 0.0)
+                        .map(|(_, g)| *g)
+                        .fold(f32::NEG_INFINITY, f32::max)
+                })
+                .sum();
             println!(" oracle without {:.4}", noalike / n);
         }
     }
@@ -55,7 +80,9 @@ pub fn gains(samples: &[Sample], weights: &Weights) {
 pub fn plays(cases: &[Case], samples: &[Sample], weights: &Weights) {
     let held_out = held_out(samples, weights);
     let shown: Vec<&Case> = cases.iter().filter(|case| case.is_shown).collect();
-    for (title, mode) in [("truth", 0), ("held out", 1), ("fitted", 2), ("as is", 3)].into_iter().filter(|(_, mode)| std::env::var("OSTRA_MODES").map_or(true, |modes| modes.contains(char::from(b'0' + *mode as u8)))) {
+    for (title, mode) in [("truth", 0), ("held out", 1), ("fitted", 2), ("as is", 3)].into_iter().filter(|(_, mode)| {
+        std::env::var("OSTRA_MODES").map_or(true, |modes| modes.contains(char::from(b'0' + *mode as u8)))
+    }) {
         let runs: Vec<Vec<f32>> = shown
             .par_iter()
             .map(|case| {
