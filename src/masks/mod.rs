@@ -36,7 +36,7 @@ pub use mask::LabelMask;
 pub use outline::{Outline, outlines, simplified_ring};
 pub use prompt::{Click, Prompt, PxBox};
 pub use region::Region;
-pub use robot::{next_click, next_label_click};
+pub use robot::{LabelClick, next_click, next_label_click};
 pub use runs::{Extent, RunMask};
 pub use score::{FramePair, FrameScore, LabelScore, MaskScore, ScoreOptions, boundary_f, score_masks, score_pairs};
 pub use seam::{Direction, PreparedFrame, SegmentRequest, Segmenter, TrackRequest, TrackedFrame, Tracker};

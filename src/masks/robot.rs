@@ -25,13 +25,24 @@ pub fn next_click(truth: &Region, current: &Region) -> Option<Click> {
     click_in(if include { &missed } else { &excess }, include)
 }
 
-/// The same for several labels at once: the largest component in which one label of `open` is missed, or too much of
-/// it was taken where nothing, or no other label of `open`, belongs. The label to click for and the click.
+/// A click for one of several labels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LabelClick {
+    /// The label clicked for.
+    pub label: LabelId,
+    /// The click.
+    pub click: Click,
+    /// Pixels of the wrong component that it lies in.
+    pub wrong_px: usize,
+}
+
+/// The same for several labels at once: in the largest component in which one label of `open` is missed, or too much of
+/// it was taken where nothing, or no other label of `open`, belongs.
 ///
 /// # Panics
 /// When the two masks differ in size.
 #[must_use]
-pub fn next_label_click(truth: &LabelMask, current: &LabelMask, open: &[LabelId]) -> Option<(LabelId, Click)> {
+pub fn next_label_click(truth: &LabelMask, current: &LabelMask, open: &[LabelId]) -> Option<LabelClick> {
     assert!(truth.width == current.width && truth.height == current.height, "truth and answer are of one frame");
     let wrong = |is_wrong: &dyn Fn(LabelId, LabelId) -> bool| {
         let pairs = truth.ids.iter().zip(&current.ids);
@@ -49,7 +60,8 @@ pub fn next_label_click(truth: &LabelMask, current: &LabelMask, open: &[LabelId]
         }
     }
     let (label, include, part) = largest?;
-    click_in(&part, include).map(|click| (label, click))
+    let click = click_in(&part, include)?;
+    Some(LabelClick { label, click, wrong_px: part.area })
 }
 
 /// A connected part of a region.
@@ -123,9 +135,9 @@ mod tests {
         let truth = mask(&["111222", "111222", "111222"]);
         let answer = mask(&["111111", "111111", "111111"]);
         let (one, two) = (LabelId(1), LabelId(2));
-        let (label, click) = next_label_click(&truth, &answer, &[one, two]).unwrap();
-        assert_eq!((label, click.include, click.at_px), (two, true, DVec2::new(4.5, 1.5)));
-        let (label, click) = next_label_click(&truth, &answer, &[one]).unwrap();
-        assert_eq!((label, click.include, click.at_px), (one, false, DVec2::new(4.5, 1.5)));
+        let at_px = DVec2::new(4.5, 1.5);
+        let expected = |label, include| LabelClick { label, click: Click { at_px, include }, wrong_px: 9 };
+        assert_eq!(next_label_click(&truth, &answer, &[one, two]), Some(expected(two, true)));
+        assert_eq!(next_label_click(&truth, &answer, &[one]), Some(expected(one, false)));
     }
 }

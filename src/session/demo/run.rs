@@ -26,8 +26,8 @@ pub struct DemoOptions {
 }
 
 /// Clicks per class on the first frame, and on each frame corrected after.
-const FIRST_CLICKS: usize = 6;
-const CORRECTING_CLICKS: usize = 2;
+const FIRST_CLICKS: usize = 5;
+const CORRECTING_CLICKS: usize = 1;
 
 /// Truth points farther from the result than this count as not reconstructed, metres.
 const WITHIN_M: f64 = 0.003;

@@ -4,14 +4,14 @@ use anyhow::{Context, Result};
 use glam::DVec2;
 
 use super::studio::Studio;
-use crate::masks::{Click, LabelId, LabelMask, LabelTree, Prompt, next_label_click};
+use crate::masks::{Click, LabelClick, LabelId, LabelMask, LabelTree, Prompt, next_label_click};
 use crate::session::{Command, PromptRequest, TrackSettings};
 
 /// Clicks that the simulated user may give per class over the whole sequence.
 pub const MAX_CLICKS: usize = 8;
 
-/// A class is left alone on a frame where its mask is this good.
-const GOOD_IOU: f64 = 0.94;
+/// Errors smaller than this are not worth a click, pixels.
+const LEAST_WRONG_PX: usize = 12;
 
 /// Around a click that did not help the user does not click again.
 const LEFT_ALONE_PX: f64 = 20.0;
@@ -22,6 +22,8 @@ pub(super) struct SimulatedUser {
     truth: Vec<LabelMask>,
     classes: Vec<Class>,
     given: BTreeMap<(usize, LabelId), Vec<Click>>,
+    /// Frames and clicks that did not help.
+    left_alone: Vec<(usize, Click)>,
 }
 
 /// A class to be labelled.
@@ -55,30 +57,48 @@ impl SimulatedUser {
         for id in truth.iter_mut().flat_map(|mask| &mut mask.ids) {
             *id = in_project.get(&tree.at_level(*id, level)).copied().unwrap_or(LabelId::NONE);
         }
-        Ok(Self { truth, classes, given: BTreeMap::new() })
+        Ok(Self { truth, classes, given: BTreeMap::new(), left_alone: Vec::new() })
     }
 
     /// Clicks on one frame, once for each class nothing is there of, then always into the largest error, at most `most`
     /// times for each class; a click that made things worse is taken back (and counted), and the place left alone.
     pub(super) fn click_on(&mut self, studio: &mut Studio<'_, '_>, frame: usize, most: usize) -> Result<()> {
         let most: Vec<usize> = self.classes.iter().map(|class| MAX_CLICKS.min(class.clicks + most)).collect();
-        let mut left_alone: Vec<Click> = Vec::new();
         loop {
-            let ious = self.ious(studio, frame)?;
-            let classes = self.classes.iter().zip(&most).zip(&ious);
-            let open: Vec<(LabelId, f64)> = classes
-                .filter(|((class, most), iou)| class.clicks < **most && **iou < GOOD_IOU)
-                .map(|((class, _), iou)| (class.id, *iou))
-                .collect();
-            let new = open.iter().filter(|(id, iou)| *iou == 0.0 && !self.given.contains_key(&(frame, *id)));
-            let new: Vec<LabelId> = new.map(|(id, _)| *id).collect();
-            let open = if new.is_empty() { open.into_iter().map(|(id, _)| id).collect() } else { new };
-            let seen = overlooking(&mask_of(studio, frame)?, &self.truth[frame], &left_alone);
-            let Some((label, click)) = next_label_click(&self.truth[frame], &seen, &open) else { return Ok(()) };
-            if !self.click(studio, frame, label, click)? {
-                left_alone.push(click);
+            let classes = self.classes.iter().zip(&most);
+            let open: Vec<LabelId> =
+                classes.filter(|(class, most)| class.clicks < **most).map(|(class, _)| class.id).collect();
+            let Some(next) = self.next_click(studio, frame, &open)? else { return Ok(()) };
+            if !self.click(studio, frame, next.label, next.click)? {
+                self.left_alone.push((frame, next.click));
             }
         }
+    }
+
+    /// The frame with the largest error that a click is left for; `None` when all is good.
+    pub(super) fn worst_frame(&self, studio: &Studio<'_, '_>) -> Result<Option<usize>> {
+        let open: Vec<LabelId> =
+            self.classes.iter().filter(|class| class.clicks < MAX_CLICKS).map(|class| class.id).collect();
+        let mut worst = (0, None);
+        for frame in 0..self.truth.len() {
+            let wrong_px = self.next_click(studio, frame, &open)?.map_or(0, |next| next.wrong_px);
+            if wrong_px > worst.0 {
+                worst = (wrong_px, Some(frame));
+            }
+        }
+        Ok(worst.1)
+    }
+
+    /// Where to click next on a frame for one of `open`, if an error is left there that is worth it.
+    fn next_click(&self, studio: &Studio<'_, '_>, frame: usize, open: &[LabelId]) -> Result<Option<LabelClick>> {
+        let mask = mask_of(studio, frame)?;
+        let is_new = |id: &&LabelId| !mask.ids.contains(id) && !self.given.contains_key(&(frame, **id));
+        let new: Vec<LabelId> = open.iter().filter(is_new).copied().collect();
+        let open = if new.is_empty() { open } else { &new };
+        let left_alone = self.left_alone.iter().filter(|(of, _)| *of == frame).map(|(_, click)| click);
+        let seen = overlooking(&mask, &self.truth[frame], &left_alone.collect::<Vec<_>>());
+        let next = next_label_click(&self.truth[frame], &seen, open);
+        Ok(next.filter(|next| next.wrong_px >= LEAST_WRONG_PX))
     }
 
     /// Carries the masks through the sequence.
@@ -90,21 +110,6 @@ impl SimulatedUser {
             direction: crate::masks::Direction::Both,
             constrain: false,
         }))
-    }
-
-    /// The frame with the worst masks of classes for which clicks are left; `None` when all is good.
-    pub(super) fn worst_frame(&self, studio: &Studio<'_, '_>) -> Result<Option<usize>> {
-        let mut worst = (GOOD_IOU, None);
-        for frame in 0..self.truth.len() {
-            let ious = self.ious(studio, frame)?;
-            let open = self.classes.iter().zip(ious).filter(|(class, _)| class.clicks < MAX_CLICKS);
-            let ious: Vec<f64> = open.map(|(_, iou)| iou).collect();
-            let mean = ious.iter().sum::<f64>() / ious.len() as f64;
-            if mean < worst.0 {
-                worst = (mean, Some(frame));
-            }
-        }
-        Ok(worst.1)
     }
 
     /// Mean IoU over all frames, per class.
@@ -157,7 +162,7 @@ impl SimulatedUser {
 }
 
 /// The mask with its errors around some places put right.
-fn overlooking(mask: &LabelMask, truth: &LabelMask, places: &[Click]) -> LabelMask {
+fn overlooking(mask: &LabelMask, truth: &LabelMask, places: &[&Click]) -> LabelMask {
     let mut mask = mask.clone();
     let width = mask.width;
     for (at, (id, truth)) in mask.ids.iter_mut().zip(&truth.ids).enumerate() {

@@ -30,8 +30,8 @@ pub fn play(case: &Case, choose: &mut Choose<'_>) -> Vec<f32> {
         let left: Vec<LabelId> = game.objects.iter().copied().filter(|id| game.given(*id) < case.clicks).collect();
         let new: Vec<LabelId> = left.iter().copied().filter(|id| game.given(*id) == 0).collect();
         let open = if new.is_empty() { left } else { new };
-        let Some((label, click)) = next_label_click(&truth, &game.mask, &open) else { break };
-        game.answer(label, click, choose);
+        let Some(next) = next_label_click(&truth, &game.mask, &open) else { break };
+        game.answer(next.label, next.click, choose);
         if (given + 1) % game.objects.len() == 0 {
             means.push(game.mean_iou());
         }
