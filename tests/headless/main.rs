@@ -17,6 +17,8 @@ mod crash;
 #[cfg(test)]
 mod films;
 #[cfg(test)]
+mod floors;
+#[cfg(test)]
 mod frames;
 #[cfg(test)]
 mod fuse;

@@ -14,7 +14,7 @@ use ostra::session::{
 use crate::support::data_dir;
 
 /// Carries out a command to its end.
-fn perform(session: &mut Session, command: Command) -> anyhow::Result<Vec<Event>> {
+pub fn perform(session: &mut Session, command: Command) -> anyhow::Result<Vec<Event>> {
     session.act(command)?;
     let events = session.settle(|_| ControlFlow::Continue(()));
     for event in &events {
@@ -25,7 +25,7 @@ fn perform(session: &mut Session, command: Command) -> anyhow::Result<Vec<Event>
     Ok(events)
 }
 
-fn new_project(data: &Path, root: &Path) -> Command {
+pub fn new_project(data: &Path, root: &Path) -> Command {
     let shelf = data.join("apc_shelf_rgbd_labels");
     let sources = vec![FrameFolder { frames: shelf.join("color"), depth: Some(shelf.join("depth")) }];
     let open = OpenRequest { sources, ..OpenRequest::default() };
@@ -47,7 +47,7 @@ fn clicks(data: &Path) -> Vec<PromptRequest> {
     clicks
 }
 
-fn track() -> Command {
+pub fn track() -> Command {
     Command::Track(TrackSettings {
         tracker: "auto".into(),
         from: None,

@@ -140,13 +140,31 @@ fn score(truth: &LabelledCloud, cloud_path: &Path) -> Result<CloudReport> {
     let level = Some(Scene::CLASS_LEVEL);
     let options = CloudScoreOptions { within: vec![WITHIN_M], level, ..CloudScoreOptions::default() };
     let score = score_cloud(truth, &result, &options, &progress)?;
+    let mut parts = BTreeMap::new();
+    for (name, of_part) in parts_of(truth) {
+        let labels = score_cloud(&of_part, &result, &options, &progress)?.labels;
+        parts.insert(name, labels.accuracy);
+    }
     Ok(CloudReport {
         iou: score.labels.iou.iter().map(|label| (label.name.clone(), label.iou)).collect(),
-        parts: BTreeMap::new(),
+        parts,
         accuracy: score.labels.accuracy,
         median_distance_mm: score.median_distance * 1000.0,
         points: result.len(),
     })
+}
+
+/// The points of each kind of part, as the last word of its label's name says it: `sheath` for `leaf 3 sheath`.
+fn parts_of(truth: &LabelledCloud) -> BTreeMap<String, LabelledCloud> {
+    let mut indices: BTreeMap<String, Vec<u32>> = BTreeMap::new();
+    for (at, &id) in truth.labels.iter().enumerate() {
+        let is_part = truth.tree.depth(id) > Scene::CLASS_LEVEL;
+        let name = truth.tree.get(id).and_then(|label| label.name.rsplit(' ').next());
+        if let Some(kind) = name.filter(|kind| is_part && kind.parse::<usize>().is_err()) {
+            indices.entry(kind.to_owned()).or_default().push(at as u32);
+        }
+    }
+    indices.into_iter().map(|(kind, indices)| (kind, truth.select(&indices))).collect()
 }
 
 fn describe(scene: &SceneOptions) -> String {

@@ -55,33 +55,3 @@ fn fit() {
     println!("];");
     report::plays(&cases, &samples, &weights);
 }
-
-#[test]
-#[ignore = "temporary"]
-fn dump() {
-    use std::io::Write;
-    let root = PathBuf::from(std::env::var_os("OSTRA_MORE").unwrap());
-    for (at, case) in recordings(&root).iter().enumerate() {
-        let (frame, truth) = case.load();
-        let mut out =
-            std::io::BufWriter::new(std::fs::File::create(format!("/tmp/dump/{}-{at}.bin", case.clip)).unwrap());
-        let mut u = |v: u32| out.write_all(&v.to_le_bytes()).unwrap();
-        u(truth.width);
-        u(truth.height);
-        u(frame.graph.regions.len() as u32);
-        u(frame.graph.edges.len() as u32);
-        frame.raster.of_pixel.iter().for_each(|&v| u(v));
-        truth.ids.iter().for_each(|&v| u(u32::from(v.0)));
-        for r in &frame.graph.regions {
-            for v in [r.area, r.tone[0], r.tone[1], r.tone[2], r.texture, r.at[0], r.at[1], r.ln_depth] {
-                u(v.to_bits());
-            }
-        }
-        for e in &frame.graph.edges {
-            u(e.a);
-            u(e.b);
-            u(e.length.to_bits());
-            u(e.strength.to_bits());
-        }
-    }
-}

@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use super::super::choice::{WEIGHTS, Weights, best, expected_best};
+use super::super::choice::{Weights, best, expected_best};
 use super::KINDS;
 use super::cases::Case;
 use super::fit::fitted;
@@ -38,41 +38,6 @@ pub fn gains(samples: &[Sample], weights: &Weights) {
             print!(" {:.4}", mean(&|sample| by(without(&held_out, &sample.clip), sample, sharpness)));
         }
         println!(" fitted {:.4}", mean(&|sample| by(weights, sample, 1.0)));
-        for group in ["tiller", "shelf", "alonep", "aloneb", "bricks"] {
-            let of: Vec<&&Sample> = of_kind.iter().filter(|s| s.clip.starts_with(group)).collect();
-            let n = of.len().max(1) as f32;
-            print!(
-                "   DBG {group} {}: oracle {:.4} held {:.4};",
-                of.len(),
-                of.iter().map(|s| s.gains[oracle(&s.gains)]).sum::<f32>() / n,
-                of.iter().map(|s| s.gains[by(without(&held_out, &s.clip), s, 1.0)]).sum::<f32>() / n
-            );
-            for limit in [0.35, 0.5, 0.7, 1.0, 1.6f32] {
-                print!(
-                    " {limit}: {:.4}",
-                    of.iter()
-                        .map(|s| s
-                            .terms
-                            .iter()
-                            .position(|t| (t[21] - limit).abs() < 1e-3)
-                            .map_or(0.0, |at| s.gains[at]))
-                        .sum::<f32>()
-                        / n
-                );
-            }
-            let noalike: f32 = of
-                .iter()
-                .map(|s| {
-                    s.terms
-                        .iter()
-                        .zip(&s.gains)
-                        .filter(|(t, _)| t[21] == 0.0)
-                        .map(|(_, g)| *g)
-                        .fold(f32::NEG_INFINITY, f32::max)
-                })
-                .sum();
-            println!(" oracle without {:.4}", noalike / n);
-        }
     }
 }
 
@@ -80,17 +45,14 @@ pub fn gains(samples: &[Sample], weights: &Weights) {
 pub fn plays(cases: &[Case], samples: &[Sample], weights: &Weights) {
     let held_out = held_out(samples, weights);
     let shown: Vec<&Case> = cases.iter().filter(|case| case.is_shown).collect();
-    for (title, mode) in [("truth", 0), ("held out", 1), ("fitted", 2), ("as is", 3)].into_iter().filter(|(_, mode)| {
-        std::env::var("OSTRA_MODES").map_or(true, |modes| modes.contains(char::from(b'0' + *mode as u8)))
-    }) {
+    for (title, mode) in [("truth", 0), ("held out", 1), ("fitted", 2)] {
         let runs: Vec<Vec<f32>> = shown
             .par_iter()
             .map(|case| {
                 play(case, &mut |kind, found, gains| match mode {
                     0 => oracle(gains),
                     1 => best(without(&held_out, &case.clip), kind, found).unwrap(),
-                    2 => best(weights, kind, found).unwrap(),
-                    _ => best(&WEIGHTS, kind, found).unwrap(),
+                    _ => best(weights, kind, found).unwrap(),
                 })
             })
             .collect();

@@ -1,0 +1,120 @@
+//! How good the whole job is: floors on the made scene and on a real shelf. They may only rise.
+
+use std::path::Path;
+use std::process::Command as Process;
+
+use ostra::engine::job::Progress;
+use ostra::frames::{FrameFolder, OpenRequest};
+use ostra::masks::{LabelId, LabelMask, Prompt, Region, next_click, read_palette_png};
+use ostra::scene::LabelledCloud;
+use ostra::scene::ply::read_ply;
+use ostra::scene::score::{CloudScoreOptions, LabelScore, score_cloud};
+use ostra::scene::synthetic::{Scene, SceneOptions};
+use ostra::session::{Command, FuseRequest, NewProject, PromptRequest, Session};
+
+use super::session::{new_project, perform, track};
+use crate::support::data_dir;
+
+fn score(truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOptions) -> LabelScore {
+    score_cloud(truth, result, options, &Progress::default()).unwrap().labels
+}
+
+/// The default demo as a user runs it: eight clicks an organ class at most.
+#[test]
+fn the_demo_by_eight_clicks_a_class() {
+    let out = tempfile::tempdir().unwrap();
+    let folder = out.path().join("demo");
+    let run = Process::new(env!("CARGO_BIN_EXE_ostra")).arg("demo").arg("--headless").arg(&folder).output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    println!("{}", String::from_utf8_lossy(&run.stdout));
+    for made in ["cloud.ply", "shot.png", "truth/cloud.ply", "truth/traits.csv", "truth/labels.json"] {
+        assert!(folder.join(made).is_file(), "{made} is missing");
+    }
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.join("report.json")).unwrap()).unwrap();
+    let cloud = &report["cloud"];
+    for (class, floor) in [("panicle", 0.90), ("leaf", 0.90), ("stem", 0.80)] {
+        let iou = cloud["iou"][class].as_f64().unwrap();
+        assert!(iou >= floor, "{class}: {iou}");
+        assert!(report["clicks"][class].as_u64().unwrap() <= 8);
+    }
+    assert!(cloud["accuracy"].as_f64().unwrap() >= 0.95, "{}", cloud["accuracy"]);
+    assert!(cloud["median_distance_mm"].as_f64().unwrap() < 1.0);
+    assert!(cloud["parts"]["sheath"].as_f64().unwrap() > 0.8, "{}", cloud["parts"]);
+}
+
+/// The same job by true masks on four anchors in place of clicks: what carrying and voting lose.
+#[test]
+fn the_demo_by_true_masks_on_the_anchors() {
+    let dir = tempfile::tempdir().unwrap();
+    let scene = Scene::build(&SceneOptions::default()).unwrap();
+    let recording = dir.path().join("recording");
+    scene.write(&recording, &Progress::default()).unwrap();
+    let masks = dir.path().join("masks");
+    std::fs::create_dir(&masks).unwrap();
+    std::fs::copy(recording.join("truth/labels.json"), masks.join("labels.json")).unwrap();
+    for view in scene.views().iter().skip(3).step_by(6) {
+        let file = Path::new(&view.name).with_extension("png");
+        std::fs::copy(recording.join("truth/masks").join(&file), masks.join(&file)).unwrap();
+    }
+    let source = FrameFolder { frames: recording.join("color"), depth: Some(recording.join("depth")) };
+    let open = OpenRequest { sources: vec![source], depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() };
+    let root = dir.path().join("project");
+    let new = NewProject { root, open, cameras: Some(recording.join("sparse")), intrinsics: None };
+    let mut session = Session::new();
+    perform(&mut session, Command::New(new)).unwrap();
+    perform(&mut session, Command::ImportMasks { dir: masks, format: "davis".into() }).unwrap();
+    perform(&mut session, track()).unwrap();
+    perform(&mut session, Command::Fuse(FuseRequest::default())).unwrap();
+    let truth = read_ply(&recording.join("truth/cloud.ply"), &Progress::default()).unwrap().cloud;
+    let options =
+        CloudScoreOptions { within: vec![0.003], level: Some(Scene::CLASS_LEVEL), ..CloudScoreOptions::default() };
+    let labels = score(&truth, session.cloud().unwrap(), &options);
+    println!("made plant by true anchors: {:?}, accuracy {}", labels.iou, labels.accuracy);
+    assert!(labels.iou.len() == 3 && labels.iou.iter().all(|label| label.iou >= 0.95), "{:?}", labels.iou);
+    assert!(labels.accuracy >= 0.98, "{}", labels.accuracy);
+}
+
+/// Four objects of a real shelf, two clicks each on the frame that shows most of it.
+#[test]
+fn the_shelf_by_two_clicks_an_object() {
+    let Some(data) = data_dir() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let shelf = data.join("apc_shelf_rgbd_labels");
+    let mut session = Session::new();
+    perform(&mut session, new_project(&data, &dir.path().join("shelf"))).unwrap();
+    let truths: Vec<LabelMask> =
+        (0..15).map(|frame| read_palette_png(&shelf.join(format!("labels/{frame:06}.png"))).unwrap()).collect();
+    for id in (1..=4).map(LabelId) {
+        perform(&mut session, Command::AddLabel { name: id.0.to_string(), parent: None, color: None }).unwrap();
+        let best = (0..truths.len()).max_by_key(|&frame| truths[frame].region(id).area()).unwrap();
+        click_twice(&mut session, best, id, &truths[best].region(id));
+    }
+    perform(&mut session, track()).unwrap();
+    perform(&mut session, Command::Fuse(FuseRequest::default())).unwrap();
+    let truth = read_ply(&shelf.join("reference_labelled_cloud.ply"), &Progress::default()).unwrap().cloud;
+    let options = CloudScoreOptions { within: vec![0.005], ..CloudScoreOptions::default() };
+    let labels = score(&truth, session.cloud().unwrap(), &options);
+    let project = session.project().unwrap();
+    let iou = |frame: usize, id: LabelId| {
+        let result = project.masks.get(&frame).map_or_else(|| LabelMask::empty(640, 480), |mask| mask.runs.decode());
+        result.region(id).iou(&truths[frame].region(id))
+    };
+    let of_object = |id| (0..truths.len()).map(|frame| iou(frame, id)).sum::<f64>() / truths.len() as f64;
+    let masks: Vec<f64> = (1..=4).map(|id| of_object(LabelId(id))).collect();
+    println!("shelf by two clicks an object: 3-D {:?}, masks {masks:.3?}", labels.iou);
+    assert!(labels.mean_iou >= 0.75, "3-D IoU {}", labels.mean_iou);
+    assert!(masks.iter().sum::<f64>() / 4.0 >= 0.60, "mask IoU {masks:?}");
+}
+
+/// Two clicks of the robot user on one frame.
+fn click_twice(session: &mut Session, frame: usize, label: LabelId, truth: &Region) {
+    let mut clicks = Vec::new();
+    for _ in 0..2 {
+        let mask = session.project().unwrap().masks.get(&frame).map(|mask| mask.runs.decode());
+        let current = mask.map_or_else(|| Region::empty(truth.width, truth.height), |mask| mask.region(label));
+        clicks.extend(next_click(truth, &current));
+        let prompt = Prompt { clicks: clicks.clone(), boxes: Vec::new() };
+        perform(session, Command::Prompt(PromptRequest { frame, label, prompt, segmenter: "builtin".into() })).unwrap();
+    }
+}
