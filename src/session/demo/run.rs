@@ -26,7 +26,7 @@ pub struct DemoOptions {
 }
 
 /// Clicks per class on the first frame, and on each frame corrected after.
-const FIRST_CLICKS: usize = 5;
+const FIRST_CLICKS: usize = 7;
 const CORRECTING_CLICKS: usize = 1;
 
 /// Truth points farther from the result than this count as not reconstructed, metres.
@@ -60,7 +60,9 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
         }
         clock.time("4 track", || SimulatedUser::track(&mut studio))?;
     }
-    clock.time("5 fuse", || studio.act(Command::Fuse(FuseRequest::default())))?;
+    clock.time("5 fuse", || {
+        studio.act(Command::Fuse(FuseRequest { drop_unlabelled: true, ..FuseRequest::default() }))
+    })?;
     let cloud_path = out.join("cloud.ply");
     let export = ExportRequest { cloud: Some(cloud_path.clone()), ..ExportRequest::default() };
     clock.time("6 export", || studio.act(Command::Export(export)))?;
