@@ -25,7 +25,8 @@ pub(super) enum Kind {
 /// Score weights: one row per [`Kind`], one weight per term.
 pub(super) type Weights = [[f32; TERMS]; 6];
 
-/// Fitted by `fitting.rs`: one row per [`Kind`], one weight per term.
+/// Fitted by `fitting/`: one row per [`Kind`], one weight per term. With depth: on a real shelf, views of made plants
+/// (seeds 2–11) and of made bricks.
 #[rustfmt::skip]
 pub(super) const WEIGHTS: Weights = [
     [-37.7001, 0.1882, -0.8458, 0.6662, -18.3394, 0.0000, -7.1185, 1.2843, -1.8756, 0.0341, -0.5004, 8.8754, 0.1882, 0.0000, 0.0000, 3.6995, 3.0869, -5.2035, -1.1709, -4.7081, 3.0330, 0.0000, 0.0000, 0.0000, 0.0000, -0.0468, -0.0745, -1.3597, 0.0075, -0.2158],

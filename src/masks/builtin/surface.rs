@@ -31,7 +31,7 @@ impl Surfaces {
     pub fn same(&self, a: usize, b: usize) -> bool {
         // An unknown depth makes this not a number, which says nothing.
         let apart = (self.ln_depth[a] - self.ln_depth[b]).abs();
-        !(apart > APART)
+        apart.is_nan() || apart <= APART
     }
 
     /// Mean over the pixels of the same surface in a `(2 · radius + 1)²` window.
@@ -44,9 +44,10 @@ impl Surfaces {
                 let columns = x.saturating_sub(radius)..(x + radius + 1).min(width);
                 let (mut sum, mut count) = ([0.0f32; 3], 0.0f32);
                 for line in rows.clone() {
-                    for at in line * width + columns.start..line * width + columns.end {
-                        if self.same(y * width + x, at) {
-                            (0..3).for_each(|channel| sum[channel] += values[at][channel]);
+                    let start = line * width + columns.start;
+                    for (beside, value) in values[start..start + columns.len()].iter().enumerate() {
+                        if self.same(y * width + x, start + beside) {
+                            (0..3).for_each(|channel| sum[channel] += value[channel]);
                             count += 1.0;
                         }
                     }
@@ -71,7 +72,6 @@ impl Surfaces {
     /// Largest known ln depth in a `(2 · radius + 1)²` window; −∞ where none is known.
     fn farthest_within(&self, radius: usize) -> Vec<f32> {
         let width = self.width;
-        // The larger of two where the first may be not a number.
         let rows: Vec<f32> = (self.ln_depth.par_chunks_exact(width))
             .flat_map_iter(|row| {
                 (0..width).map(move |x| largest(&row[x.saturating_sub(radius)..(x + radius + 1).min(width)]))

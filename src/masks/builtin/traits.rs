@@ -37,7 +37,10 @@ struct BorderSums {
 /// Measures a change: mean price of its border, ln area, ln(deepest / depth of the click), ln(depth of the click /
 /// depth possible), weak share of the border, share along joined regions, share on the rim, mean leaning inside,
 /// just outside, perimeter / √area, ln(farthest / depth of the click), agreement (0 until all candidates are there),
-/// ln(area / answer so far), that times ln of the number of clicks, share nearer to a click of the other side.
+/// ln(area / answer so far), that times ln of the number of clicks, share nearer to a click of the other side, leaning
+/// by geodesic distance inside and just outside, mean price of edges inside, offset of the middle from the click / √area,
+/// share of the box filled, share apart from the click; for a change that takes all alike its `limit` (else 0) / 10, and
+/// that times ln of the clicks on this side, times the reach, times ln of the depth at the click.
 pub(super) fn traits_of(
     situation: &Situation<'_>,
     change: &[bool],

@@ -4,7 +4,8 @@ use anyhow::{Result, ensure};
 
 use super::paint::{anchor, label_name, mask_of};
 use crate::masks::{
-    Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, landmarks, taken_by_others,
+    Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, landmarks,
+    taken_by_others,
 };
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{Edit, Event, JobId, Project, PromptRequest, Session, engines};
