@@ -19,7 +19,7 @@ fn score(truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOpti
     score_cloud(truth, result, options, &Progress::default()).unwrap().labels
 }
 
-/// The default demo as a user runs it: eight clicks an organ class at most. The aim for the accuracy is 0.95.
+/// The default demo as a user runs it: eight clicks an organ class at most.
 #[test]
 fn the_demo_by_eight_clicks_a_class() {
     let out = tempfile::tempdir().unwrap();
@@ -38,7 +38,7 @@ fn the_demo_by_eight_clicks_a_class() {
         assert!(iou >= floor, "{class}: {iou}");
         assert!(report["clicks"][class].as_u64().unwrap() <= 8);
     }
-    assert!(cloud["accuracy"].as_f64().unwrap() >= 0.935, "{}", cloud["accuracy"]);
+    assert!(cloud["accuracy"].as_f64().unwrap() >= 0.95, "{}", cloud["accuracy"]);
     assert!(cloud["median_distance_mm"].as_f64().unwrap() < 1.0);
     assert!(cloud["parts"]["sheath"].as_f64().unwrap() > 0.8, "{}", cloud["parts"]);
 }

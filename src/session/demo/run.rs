@@ -50,7 +50,8 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
     let mut studio = Studio::new(session, watch);
     clock.time("2 open", || studio.act(Command::New(new_project(out))))?;
     let mut user = SimulatedUser::new(&mut studio, truth_masks, scene.tree(), level)?;
-    clock.time("3 click", || user.click_on(&mut studio, scene.views().len() / 2, FIRST_CLICKS))?;
+    let first = user.clearest_frame();
+    clock.time("3 click", || user.click_on(&mut studio, first, FIRST_CLICKS))?;
     clock.time("4 track", || SimulatedUser::track(&mut studio))?;
     while let Some(frame) = user.worst_frame(&studio)? {
         let before = user.clicks();

@@ -75,6 +75,18 @@ impl SimulatedUser {
         }
     }
 
+    /// The frame that shows most of the classes, each weighed against where it shows most.
+    pub(super) fn clearest_frame(&self) -> usize {
+        let area = |frame: usize, class: &Class| self.truth[frame].region(class.id).area() as f64;
+        let mut shown = vec![0.0; self.truth.len()];
+        for class in &self.classes {
+            let areas: Vec<f64> = (0..self.truth.len()).map(|frame| area(frame, class)).collect();
+            let most = areas.iter().copied().fold(1.0, f64::max);
+            shown.iter_mut().zip(areas).for_each(|(shown, area)| *shown += area / most);
+        }
+        (0..shown.len()).rev().max_by(|&a, &b| shown[a].total_cmp(&shown[b])).unwrap_or(0)
+    }
+
     /// The frame with the largest error that a click is left for; `None` when all is good.
     pub(super) fn worst_frame(&self, studio: &Studio<'_, '_>) -> Result<Option<usize>> {
         let open: Vec<LabelId> =
