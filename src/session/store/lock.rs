@@ -8,7 +8,7 @@ use super::durable;
 /// Keeps a second writer out of a project's folder until it is dropped (or the process ends).
 #[derive(Debug)]
 pub struct Lock {
-    _file: File,
+    file: File,
 }
 
 impl Lock {
@@ -23,7 +23,7 @@ impl Lock {
             format!("{}: cannot be written; a project needs a folder with write access", root.display())
         })?;
         match file.try_lock() {
-            Ok(()) => Ok(Self { _file: file }),
+            Ok(()) => Ok(Self { file }),
             Err(TryLockError::WouldBlock) => {
                 bail!("{}: is open in another window or command; close it there first", root.display())
             }
@@ -31,6 +31,14 @@ impl Lock {
                 Err(anyhow!(error).context(format!("{}: cannot be locked; move it to a local disk", root.display())))
             }
         }
+    }
+}
+
+impl Drop for Lock {
+    /// Closing the file is not enough: a process that is being started at this moment holds it for an instant longer.
+    fn drop(&mut self) {
+        // A lock that cannot be given back ends with the process.
+        let _ = self.file.unlock();
     }
 }
 
