@@ -48,3 +48,19 @@ fn check_writable(root: &Path) -> std::io::Result<()> {
     File::create(&probe)?;
     std::fs::remove_file(&probe)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lock_keeps_a_second_writer_out_and_is_given_back_even_while_another_process_inherits_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let lock = Lock::take(dir.path()).unwrap();
+        assert!(Lock::take(dir.path()).unwrap_err().to_string().contains("close it there first"));
+        let inherited = lock.file.try_clone().unwrap();
+        drop(lock);
+        Lock::take(dir.path()).unwrap();
+        drop(inherited);
+    }
+}
