@@ -18,6 +18,17 @@ fn without<'a>(held_out: &'a [(String, Weights)], clip: &str) -> &'a Weights {
     &held_out.iter().find(|(held, _)| *held == clip).unwrap().1
 }
 
+/// Mean gain of a click when chosen by weights.
+pub fn mean_gain(samples: &[Sample], weights: &Weights) -> f32 {
+    let gain = |sample: &Sample| {
+        let row = &weights[sample.kind as usize];
+        let scores: Vec<f32> =
+            sample.terms.iter().map(|terms| terms.iter().zip(row).map(|(term, weight)| term * weight).sum()).collect();
+        sample.gains[expected_best(&scores, &sample.shared).unwrap()]
+    };
+    samples.iter().map(gain).sum::<f32>() / samples.len() as f32
+}
+
 /// Mean gain of a click when chosen by truth, by weights fitted without its clip, by weights fitted on all.
 pub fn gains(samples: &[Sample], weights: &Weights) {
     let held_out = held_out(samples, weights);
