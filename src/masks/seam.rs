@@ -75,6 +75,34 @@ pub struct TrackRequest {
     pub direction: Direction,
 }
 
+impl TrackRequest {
+    /// Refuses a range that is not there, a mask that does not fit its frame, and anchors that show nothing.
+    ///
+    /// # Errors
+    /// [`MaskError::Request`].
+    pub fn check(&self) -> Result<(), MaskError> {
+        let count = self.frames.len();
+        let last = self.anchors.keys().next_back().copied().unwrap_or(0).max(self.to);
+        if self.from > self.to || last >= count {
+            let range = format!("frames {} to {last} are not all there", self.from.min(last));
+            return Err(MaskError::Request(format!("{range}; the project has {count}, counted from 0")));
+        }
+        for (&frame, mask) in &self.anchors {
+            let frame = &self.frames[frame];
+            if (mask.width, mask.height) != (frame.width, frame.height) {
+                return Err(MaskError::Request(format!(
+                    "the mask of {} is {}x{}, its picture {}x{}; make the mask anew",
+                    frame.name, mask.width, mask.height, frame.width, frame.height
+                )));
+            }
+        }
+        if self.anchors.values().all(|mask| mask.ids.iter().all(|&id| id == LabelId::NONE)) {
+            return Err(MaskError::Request("no frame has a mask to carry; prompt or import one first".into()));
+        }
+        Ok(())
+    }
+}
+
 /// One frame's answer of a [`Tracker`].
 #[derive(Debug, Clone)]
 pub struct TrackedFrame {
@@ -91,7 +119,8 @@ pub trait Tracker: Send + Sync {
     /// Its name on the command line, e.g. `geometry`.
     fn name(&self) -> &'static str;
 
-    /// Tracks; hands each finished frame to `emit` as soon as it is done, never an anchor. Frames that it cannot
+    /// Tracks; hands each finished frame to `emit` as soon as it is done, never an anchor; again when a better answer is
+    /// found later. Frames that it cannot
     /// answer (no depth, no camera) are left out and named in the warnings returned.
     ///
     /// # Errors

@@ -4,6 +4,7 @@ use anyhow::{Result, bail, ensure};
 
 use super::{Project, TrackSettings};
 use crate::masks::builtin::BuiltinSegmenter;
+use crate::masks::flow::FlowTracker;
 use crate::masks::{Segmenter, Tracker};
 use crate::scene::GeometryTracker;
 
@@ -43,7 +44,7 @@ pub fn engines() -> Vec<Engine> {
         tracker("xmem", false, WEIGHTS),
         tracker("deaot", false, WEIGHTS),
         tracker("geometry", true, "depth and cameras of the frames"),
-        tracker("flow", false, "a tracker for films without depth, which this version does not have yet"),
+        tracker("flow", true, "nothing"),
     ]
 }
 
@@ -75,7 +76,13 @@ pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box
         !settings.constrain,
         "--constrain needs a tracker with network weights, which this version cannot load yet"
     );
-    let allowed = project.frames.iter().any(|frame| frame.depth.is_some() && frame.posed_camera().is_some());
-    ensure!(allowed, "no installed tracker fits: 'geometry' needs frames with depth and cameras; add both first");
-    Ok(Box::new(GeometryTracker::default()))
+    let geometry = project.frames.iter().any(|frame| frame.depth.is_some() && frame.posed_camera().is_some());
+    match settings.tracker.as_str() {
+        "flow" => Ok(Box::new(FlowTracker::default())),
+        "auto" if !geometry => Ok(Box::new(FlowTracker::default())),
+        _ => {
+            ensure!(geometry, "'geometry' needs frames with depth and cameras; add both first, or track with 'flow'");
+            Ok(Box::new(GeometryTracker::default()))
+        }
+    }
 }

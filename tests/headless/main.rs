@@ -16,8 +16,10 @@ mod command_line;
 mod crash;
 #[cfg(test)]
 mod films;
+mod floors;
 #[cfg(test)]
 mod floors;
+mod flow;
 #[cfg(test)]
 mod frames;
 #[cfg(test)]

@@ -3,8 +3,8 @@
 
 use rayon::prelude::*;
 
-use super::color::squared_difference;
 use super::graph::{Edge, RegionStats};
+use crate::masks::lab::squared_difference;
 
 /// When two regions touch in space.
 #[derive(Debug, Clone, Copy)]

@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 
 use super::bridges::{BridgeOptions, HopOptions, bridges, hops};
-use super::color::squared_difference;
 use super::depth_edges::known;
 use super::filter::box_mean;
 use super::regions::Partition;
 use super::surface::Surfaces;
 use crate::frames::DepthMap;
+use crate::masks::lab::squared_difference;
 
 /// Means over one region.
 #[derive(Debug, Clone, Copy, Default)]

@@ -3,11 +3,11 @@
 
 use rayon::prelude::*;
 
-use super::color::{lab_of_pixel, squared_difference};
 use super::graph::RegionStats;
 use crate::engine::job::{Progress, Stopped};
 use crate::frames::{DepthMap, Image};
 use crate::masks::Region;
+use crate::masks::lab::{lab_of_pixel, squared_difference};
 
 /// Pictures with more pixels than this are reduced.
 const MOST_PIXELS: usize = 1_300_000;

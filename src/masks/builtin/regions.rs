@@ -6,11 +6,11 @@
 
 use rayon::prelude::*;
 
-use super::color::squared_difference;
 use super::depth_edges::known;
 use super::edges::EdgeMap;
 use super::surface::Surfaces;
 use crate::frames::DepthMap;
+use crate::masks::lab::squared_difference;
 
 /// How fine the over-segmentation is.
 #[derive(Debug, Clone, Copy)]

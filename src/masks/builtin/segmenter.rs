@@ -1,7 +1,6 @@
 use std::sync::Arc;
 
 use super::appearance::Palette;
-use super::color::lab_of;
 use super::depth_edges::depth_edges;
 use super::edges::edge_map;
 use super::graph::RegionGraph;
@@ -11,6 +10,7 @@ use super::regions::{RegionOptions, partition};
 use super::surface::Surfaces;
 use crate::engine::job::Progress;
 use crate::frames::{DepthMap, Image};
+use crate::masks::lab::lab_of;
 use crate::masks::{MaskError, PreparedFrame, Segmenter};
 
 /// Graph cut over colour, texture and, where there is depth, depth edges; needs no weights.

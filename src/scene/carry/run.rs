@@ -13,7 +13,7 @@ use super::viewpoint::Stand;
 use super::views::Views;
 use super::vote::Votes;
 use crate::engine::job::Progress;
-use crate::masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame};
+use crate::masks::{Direction, LabelId, MaskError, TrackRequest, TrackedFrame};
 
 /// Names listed in a message.
 const NAMED: usize = 4;
@@ -41,17 +41,16 @@ impl<'a> Run<'a> {
         views: &'a Views<'a>,
         progress: &'a Progress,
     ) -> Result<Self, MaskError> {
-        check_range(request)?;
+        request.check()?;
         let mut left_out = Vec::new();
         let mut anchors = Vec::new();
         for (&frame, mask) in &request.anchors {
-            check_size(request, frame, mask)?;
             match views.stand(frame) {
                 Some(stand) => anchors.push(GivenAnchor { frame, stand, labels: labels_of(mask), mask }),
                 None => left_out.push(frame),
             }
         }
-        check_anchors(request, &anchors)?;
+        check_anchors(&anchors)?;
         let reached = |&frame: &usize| anchors.iter().any(|a| reaches(request.direction, a.frame, frame));
         let others = (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
         let (targets, without): (Vec<usize>, Vec<usize>) =
@@ -128,31 +127,7 @@ fn reaches(direction: Direction, anchor: usize, frame: usize) -> bool {
     }
 }
 
-fn check_range(request: &TrackRequest) -> Result<(), MaskError> {
-    let count = request.frames.len();
-    let last = request.anchors.keys().next_back().copied().unwrap_or(0).max(request.to);
-    if request.from > request.to || last >= count {
-        let range = format!("frames {} to {last} are not all there", request.from.min(last));
-        return Err(MaskError::Request(format!("{range}; the project has {count}, counted from 0")));
-    }
-    Ok(())
-}
-
-fn check_size(request: &TrackRequest, frame: usize, mask: &LabelMask) -> Result<(), MaskError> {
-    let frame = &request.frames[frame];
-    if (mask.width, mask.height) == (frame.width, frame.height) {
-        return Ok(());
-    }
-    Err(MaskError::Request(format!(
-        "the mask of {} is {}x{}, its picture {}x{}; make the mask anew",
-        frame.name, mask.width, mask.height, frame.width, frame.height
-    )))
-}
-
-fn check_anchors(request: &TrackRequest, anchors: &[GivenAnchor<'_>]) -> Result<(), MaskError> {
-    if request.anchors.values().all(|mask| mask.ids.iter().all(|&id| id == LabelId::NONE)) {
-        return Err(MaskError::Request("no frame has a mask to carry; prompt or import one first".into()));
-    }
+fn check_anchors(anchors: &[GivenAnchor<'_>]) -> Result<(), MaskError> {
     if anchors.iter().all(|anchor| anchor.labels.is_empty()) {
         return Err(MaskError::Request(
             "the geometry tracker needs depth and a camera on a frame with a mask; \

@@ -1,0 +1,69 @@
+use super::picture::Picture;
+use crate::masks::lab::squared_difference;
+use crate::masks::maxflow::{FlowGraph, Link};
+
+/// Capacity units per natural logarithm of odds.
+const UNIT: f32 = 10_000.0;
+/// Least price of an outline, as a share of the price on even colour.
+const LEAST: f32 = 0.03;
+
+/// A rectangle of pixels: columns `left..right`, rows `top..bottom`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Window {
+    pub left: usize,
+    pub top: usize,
+    pub right: usize,
+    pub bottom: usize,
+}
+
+impl Window {
+    pub fn width(&self) -> usize {
+        self.right - self.left
+    }
+
+    pub fn height(&self) -> usize {
+        self.bottom - self.top
+    }
+
+    /// Places of the window's pixels in a picture of this width, row by row.
+    pub fn places(self, width: usize) -> impl Iterator<Item = usize> {
+        (self.top..self.bottom).flat_map(move |y| (self.left..self.right).map(move |x| y * width + x))
+    }
+}
+
+/// Prices of an outline between the pixels of a window: it costs least where colours change (Boykov, Jolly,
+/// "Interactive graph cuts", ICCV 2001).
+pub(super) struct Borders {
+    window: Window,
+    links: Vec<Link>,
+}
+
+impl Borders {
+    /// `weight` is the price per pixel side on even colour, a natural logarithm of odds.
+    pub fn new(picture: &Picture, window: Window, weight: f32) -> Self {
+        let places: Vec<usize> = window.places(picture.width).collect();
+        let (width, height) = (window.width(), window.height());
+        let lab = |at: usize| picture.lab[places[at]];
+        let pairs = |at: usize| {
+            let right = (at % width + 1 < width).then_some((at, at + 1));
+            let below = (at / width + 1 < height).then_some((at, at + width));
+            [right, below].into_iter().flatten()
+        };
+        let pairs: Vec<(usize, usize, f32)> =
+            (0..places.len()).flat_map(pairs).map(|(a, b)| (a, b, squared_difference(lab(a), lab(b)))).collect();
+        let mean = pairs.iter().map(|pair| pair.2).sum::<f32>() / pairs.len().max(1) as f32;
+        let link = |&(a, b, difference): &(usize, usize, f32)| {
+            let price = weight * ((-difference / (2.0 * mean + 1e-6)).exp() + LEAST) * UNIT;
+            Link { from: a as u32, to: b as u32, forward: price as i32, backward: price as i32 }
+        };
+        Self { window, links: pairs.iter().map(link).collect() }
+    }
+
+    /// The pixels of the window that are inside at the least energy, where `odds` above 0 speak for inside; `bias` is
+    /// added to each.
+    pub fn cut(&self, odds: &[f32], bias: f32) -> Vec<bool> {
+        debug_assert_eq!(odds.len(), self.window.width() * self.window.height());
+        let terminal = odds.iter().map(|odds| ((odds + bias) * UNIT) as i32).collect();
+        FlowGraph::new(terminal, &self.links).source_side()
+    }
+}

@@ -1,0 +1,258 @@
+use glam::Vec2;
+use rayon::prelude::*;
+
+use super::cells::{Cells, FEATURES, ODDS};
+use super::plane::Plane;
+
+/// Weights of what the object looked like of late and in its anchor, of its colours, and of distance.
+const LAST: f32 = 1.0;
+const FIRST: f32 = 0.3;
+const COLORS: f32 = 1.5;
+const DISTANCE: f32 = 0.5;
+/// A place is taken in preference to the predicted one only if it scores better by this.
+const MARGIN: f32 = 0.1;
+/// Nearer than this, in cells, the prediction is more exact than a cell.
+const NEAR: f32 = 1.2;
+/// What of the contrast of late, and how many times its difference, a place must have to be the object's.
+const LEAST_CONTRAST: f32 = 0.6;
+const MOST_DIFFERENCE: f32 = 2.0;
+/// Share of a frame's look that the look of late takes over.
+const RATE: f32 = 0.08;
+
+/// What an object looks like, in cells around its centre, and which of them are its own.
+#[derive(Clone)]
+pub(super) struct Template {
+    radius: usize,
+    features: Vec<[f32; FEATURES]>,
+    weights: Vec<f32>,
+}
+
+/// An object's looks: in its anchor and of late.
+pub(super) struct Looks {
+    first: Template,
+    last: Template,
+    /// Size of the object relative to the anchor's.
+    size: f32,
+    /// How it stood out and how much it differed where it was last seen; `None` at first.
+    usual: Option<Fit>,
+}
+
+/// How well a place fits the object.
+#[derive(Debug, Clone, Copy)]
+struct Fit {
+    /// Odds of the colours inside less those around.
+    contrast: f32,
+    /// Mean squared difference of features from the look of late.
+    difference: f32,
+    /// From the look in the anchor.
+    first: f32,
+}
+
+impl Fit {
+    fn score(&self) -> f32 {
+        COLORS * self.contrast - LAST * self.difference - FIRST * self.first
+    }
+
+    /// Whether this may be the object that looked `usual` before.
+    fn is_like(&self, usual: &Self) -> bool {
+        self.contrast > LEAST_CONTRAST * usual.contrast && self.difference < MOST_DIFFERENCE * usual.difference + 0.5
+    }
+}
+
+/// The looks at the size of a frame, with the shape's contrast.
+struct Ready {
+    first: Template,
+    last: Template,
+    shape: Template,
+    contrast: Vec<f32>,
+}
+
+impl Ready {
+    fn fit(&self, cells: &Cells, x: isize, y: isize) -> Fit {
+        let odds = (0..self.contrast.len()).filter(|&at| self.contrast[at] != 0.0).map(|at| {
+            let (dx, dy) = self.shape.offset(at);
+            self.contrast[at] * cells.at(x + dx, y + dy)[ODDS]
+        });
+        Fit {
+            contrast: odds.sum(),
+            difference: self.last.difference(cells, x, y),
+            first: self.first.difference(cells, x, y),
+        }
+    }
+}
+
+/// A place of the object in a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Place {
+    /// The object's centre, in pixels.
+    pub centre: Vec2,
+    /// Whether it lies away from where it was predicted.
+    pub corrected: bool,
+}
+
+impl Template {
+    fn new(cells: &Cells, share: &Plane, centre: Vec2, radius: usize) -> Self {
+        let side = 2 * radius + 1;
+        let middle = cells.of_pixel(centre);
+        let offset = |at: usize| middle + Vec2::new((at % side) as f32, (at / side) as f32) - radius as f32;
+        let features = (0..side * side).map(|at| between(cells, offset(at))).collect();
+        let inside = |p: Vec2| p.x > -1.0 && p.y > -1.0 && p.x < share.width as f32 && p.y < share.height as f32;
+        let weight = |at: usize| Some(offset(at)).filter(|&p| inside(p)).map_or(0.0, |p| share.sample(p));
+        Self { radius, features, weights: (0..side * side).map(weight).collect() }
+    }
+
+    /// Seen `zoom` times as large.
+    fn scaled(&self, zoom: f32) -> Self {
+        let side = 2 * self.radius + 1;
+        let nearest = |at: usize| {
+            let offset = Vec2::new((at % side) as f32, (at / side) as f32) - self.radius as f32;
+            let source = (offset / zoom + self.radius as f32).round().clamp(Vec2::ZERO, Vec2::splat(side as f32 - 1.0));
+            source.y as usize * side + source.x as usize
+        };
+        Self {
+            radius: self.radius,
+            features: (0..side * side).map(|at| self.features[nearest(at)]).collect(),
+            weights: (0..side * side).map(|at| self.weights[nearest(at)]).collect(),
+        }
+    }
+
+    fn learn(&mut self, other: &Self) {
+        for (mine, other) in self.features.iter_mut().zip(&other.features) {
+            mine.iter_mut().zip(other).for_each(|(mine, other)| *mine += RATE * (other - *mine));
+        }
+        self.weights.iter_mut().zip(&other.weights).for_each(|(mine, other)| *mine += RATE * (other - *mine));
+    }
+
+    /// Mean squared difference of the features with the centre at a whole cell, by the template's weights.
+    fn difference(&self, cells: &Cells, x: isize, y: isize) -> f32 {
+        let (mut sum, mut weights) = (0.0, 1e-6);
+        for (at, (features, &weight)) in self.features.iter().zip(&self.weights).enumerate() {
+            if weight > 0.02 {
+                let (dx, dy) = self.offset(at);
+                let seen = cells.at(x + dx, y + dy);
+                let distance: f32 = (0..FEATURES).map(|k| (features[k] - seen[k]).powi(2)).sum();
+                sum += weight * (distance - (features[ODDS] - seen[ODDS]).powi(2));
+                weights += weight;
+            }
+        }
+        sum / weights
+    }
+
+    fn offset(&self, at: usize) -> (isize, isize) {
+        let side = 2 * self.radius + 1;
+        ((at % side) as isize - self.radius as isize, (at / side) as isize - self.radius as isize)
+    }
+
+    /// Weights 1 on the shape and −1 on a ring around it, each adding up to one: how much better the odds of the colours
+    /// are inside than around is their sum with these.
+    fn contrast(&self) -> Vec<f32> {
+        let side = (2 * self.radius + 1) as isize;
+        let reach = self.radius as isize / 3;
+        let near = |at: usize| {
+            let (x, y) = (at as isize % side, at as isize / side);
+            let rows = (y - reach).max(0)..=(y + reach).min(side - 1);
+            let columns = (x - reach).max(0)..=(x + reach).min(side - 1);
+            let weights = rows.flat_map(|y| columns.clone().map(move |x| (y * side + x) as usize));
+            weights.map(|at| self.weights[at]).fold(0.0, f32::max)
+        };
+        let ring: Vec<f32> =
+            self.weights.iter().enumerate().map(|(at, own)| (near(at) - own).clamp(0.0, 1.0)).collect();
+        let (own, around) = (self.weights.iter().sum::<f32>() + 1e-6, ring.iter().sum::<f32>() + 1e-6);
+        self.weights.iter().zip(&ring).map(|(weight, ring)| weight / own - ring / around).collect()
+    }
+}
+
+impl Looks {
+    /// Of an object whose centre is given; `share` tells how much of each cell is its own.
+    pub fn new(cells: &Cells, share: &Plane, centre: Vec2) -> Self {
+        let middle = cells.of_pixel(centre);
+        let own = (0..share.values.len()).filter(|&at| share.values[at] > 0.1);
+        let extent = own.map(|at| {
+            let cell = Vec2::new((at % share.width) as f32, (at / share.width) as f32);
+            (cell - middle).abs().max_element()
+        });
+        let radius = (extent.fold(1.0, f32::max) * 1.15).ceil() as usize + 1;
+        let template = Template::new(cells, share, centre, radius);
+        Self { first: template.clone(), last: template, size: 1.0, usual: None }
+    }
+
+    /// Where the object is, at most `reach_px` from `predicted`, when it grew by `zoom` since the last frame; `shape` is
+    /// how much of each cell it is expected to cover, around `shape_centre`.
+    pub fn find(
+        &mut self,
+        cells: &Cells,
+        (shape, shape_centre): (&Plane, Vec2),
+        predicted: Vec2,
+        zoom: f32,
+        reach_px: f32,
+    ) -> Place {
+        self.size *= zoom;
+        self.last = self.last.scaled(zoom);
+        let ready = self.ready(cells, shape, shape_centre, zoom);
+        let middle = cells.of_pixel(predicted);
+        let reach = reach_px / cells.side as f32;
+        let score = |fit: &Fit, x: isize, y: isize| {
+            let away = Vec2::new(x as f32, y as f32).distance_squared(middle) / (reach * reach);
+            fit.score() - DISTANCE * away
+        };
+        let candidates = within(cells, middle, reach).into_par_iter().map(|(x, y)| {
+            let fit = ready.fit(cells, x, y);
+            (score(&fit, x, y), fit, (x, y))
+        });
+        let scored: Vec<(f32, Fit, (isize, isize))> = candidates.collect();
+        let best = scored.into_iter().reduce(|best, next| if next.0 > best.0 { next } else { best });
+        let stay = Place { centre: predicted, corrected: false };
+        let Some((value, fit, (x, y))) = best else { return stay };
+        let (found, there) = (Vec2::new(x as f32, y as f32), middle.round());
+        let (there_x, there_y) = (there.x as isize, there.y as isize);
+        let predicted_fit = ready.fit(cells, there_x, there_y);
+        let is_object = self.usual.is_none_or(|usual| fit.is_like(&usual));
+        if is_object && found.distance(middle) > NEAR && value > score(&predicted_fit, there_x, there_y) + MARGIN {
+            Place { centre: cells.to_pixel(found), corrected: true }
+        } else {
+            stay
+        }
+    }
+
+    fn ready(&self, cells: &Cells, shape: &Plane, shape_centre: Vec2, zoom: f32) -> Ready {
+        let shape = Template::new(cells, shape, shape_centre, self.last.radius).scaled(zoom);
+        let contrast = shape.contrast();
+        Ready { first: self.first.scaled(self.size), last: self.last.clone(), shape, contrast }
+    }
+
+    /// Takes note of what the object looks like now that it is well seen.
+    pub fn learn(&mut self, cells: &Cells, share: &Plane, centre: Vec2) {
+        let ready = self.ready(cells, share, centre, 1.0);
+        let at = cells.of_pixel(centre).round();
+        self.usual = Some(ready.fit(cells, at.x as isize, at.y as isize));
+        self.last.learn(&ready.shape);
+    }
+}
+
+/// The whole cells of the picture at most `reach` from a place.
+fn within(cells: &Cells, middle: Vec2, reach: f32) -> Vec<(isize, isize)> {
+    let span = |centre: f32, count: usize| {
+        let first = (centre - reach).ceil().max(0.0) as isize;
+        let last = (centre + reach).floor().min(count as f32 - 1.0) as isize;
+        first..=last
+    };
+    span(middle.y, cells.rows)
+        .flat_map(|y| span(middle.x, cells.columns).map(move |x| (x, y)))
+        .filter(|&(x, y)| Vec2::new(x as f32, y as f32).distance(middle) <= reach)
+        .collect()
+}
+
+/// The features between four cells.
+fn between(cells: &Cells, at: Vec2) -> [f32; FEATURES] {
+    let low = at.floor();
+    let (u, v) = (at.x - low.x, at.y - low.y);
+    let (x, y) = (low.x as isize, low.y as isize);
+    let weights = [(0, 0, (1.0 - u) * (1.0 - v)), (1, 0, u * (1.0 - v)), (0, 1, (1.0 - u) * v), (1, 1, u * v)];
+    let mut sum = [0.0; FEATURES];
+    for (dx, dy, weight) in weights {
+        for (sum, value) in sum.iter_mut().zip(cells.at(x + dx, y + dy)) {
+            *sum += weight * value;
+        }
+    }
+    sum
+}

@@ -1,0 +1,31 @@
+//! The tracker that needs neither weights nor geometry: masks carried by optical flow, kept right by what each object
+//! looks like, where it is expected and how it moves.
+//!
+//! Works on pictures reduced to a bounded size. Positions here are pixel indices: the centre of the top-left pixel is
+//! (0, 0). May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
+
+mod cells;
+mod clean;
+mod colors;
+mod cut;
+mod dis;
+mod evidence;
+mod gap;
+mod locate;
+mod merge;
+mod motion;
+mod object;
+mod options;
+mod patches;
+mod picture;
+mod plane;
+mod pyramid;
+mod sampling;
+#[cfg(test)]
+mod tests;
+mod tracker;
+mod variational;
+mod walk;
+
+pub use options::FlowOptions;
+pub use tracker::FlowTracker;

@@ -1,0 +1,183 @@
+use glam::{Affine2, Mat2, Vec2};
+use rand::RngExt;
+use rand_pcg::Pcg32;
+
+/// A position and where it goes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Step {
+    pub from: Vec2,
+    pub to: Vec2,
+}
+
+const TRIES: usize = 120;
+const SEED: u64 = 7;
+
+/// The similarity (turn, scale, shift) that most steps agree with to within `tolerance_px`, and their share; `None`
+/// for fewer than two steps. RANSAC (Fischler, Bolles, "Random sample consensus", CACM 1981), then least squares.
+pub(super) fn similarity(steps: &[Step], tolerance_px: f32) -> Option<(Affine2, f32)> {
+    let inliers = |motion: &Affine2| -> Vec<Step> {
+        let near = |step: &&Step| motion.transform_point2(step.from).distance_squared(step.to) < tolerance_px.powi(2);
+        steps.iter().filter(near).copied().collect()
+    };
+    let mut dice = Pcg32::new(SEED, 0);
+    let mut best: Vec<Step> = Vec::new();
+    for _ in 0..TRIES {
+        let pair = draw::<2>(steps, &mut dice)?;
+        let agreeing = least_squares_similarity(&pair).map(|motion| inliers(&motion)).unwrap_or_default();
+        if agreeing.len() > best.len() {
+            best = agreeing;
+        }
+    }
+    let share = best.len() as f32 / steps.len() as f32;
+    least_squares_similarity(&best).map(|motion| (motion, share))
+}
+
+/// Umeyama's closed form in the plane; `None` when the steps begin at one place.
+fn least_squares_similarity(steps: &[Step]) -> Option<Affine2> {
+    let count = steps.len() as f32;
+    let from = steps.iter().map(|step| step.from).sum::<Vec2>() / count;
+    let to = steps.iter().map(|step| step.to).sum::<Vec2>() / count;
+    let (mut dot, mut cross, mut spread) = (0.0, 0.0, 0.0);
+    for step in steps {
+        let (a, b) = (step.from - from, step.to - to);
+        dot += a.dot(b);
+        cross += a.perp_dot(b);
+        spread += a.length_squared();
+    }
+    if !(spread > 1e-3 && spread.is_finite()) {
+        return None;
+    }
+    let turn = Mat2::from_cols(Vec2::new(dot, cross) / spread, Vec2::new(-cross, dot) / spread);
+    Some(Affine2::from_mat2_translation(turn, to - turn * from))
+}
+
+/// How pixels of a rigid plane, or of anything before a turning camera, move: eight numbers, quadratic in the position
+/// (Longuet-Higgins, "The visual ambiguity of a moving plane", Proc. R. Soc. B, 1984).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PlaneMotion {
+    terms: [f32; 8],
+    /// Positions are taken from here, in this unit.
+    centre: Vec2,
+    unit_px: f32,
+}
+
+const TERMS: usize = 8;
+
+impl PlaneMotion {
+    /// The motion that most steps agree with to within `tolerance_px`; `None` for fewer than four or when no motion is
+    /// determined. RANSAC over four steps, then least squares over those that agree.
+    pub fn of(steps: &[Step], centre: Vec2, tolerance_px: f32) -> Option<Self> {
+        let mut dice = Pcg32::new(SEED, 1);
+        let mut best: Vec<Step> = Vec::new();
+        let fit = |steps: &[Step]| Self::least_squares(steps, centre);
+        let inliers = |motion: &Self| -> Vec<Step> {
+            let near = |step: &&Step| motion.miss(step) < tolerance_px;
+            steps.iter().filter(near).copied().collect()
+        };
+        for _ in 0..TRIES {
+            let agreeing = fit(&draw::<4>(steps, &mut dice)?).map(|motion| inliers(&motion)).unwrap_or_default();
+            if agreeing.len() > best.len() {
+                best = agreeing;
+            }
+        }
+        fit(&best)
+    }
+
+    /// How far a pixel moves, in pixels.
+    pub fn displacement(&self, at: Vec2) -> Vec2 {
+        let p = (at - self.centre) / self.unit_px;
+        let rows = rows(p);
+        let dot = |row: &[f32; TERMS]| row.iter().zip(self.terms).map(|(a, b)| a * b).sum::<f32>();
+        Vec2::new(dot(&rows[0]), dot(&rows[1]))
+    }
+
+    /// Distance in pixels from where a step ends to where this motion takes it.
+    fn miss(&self, step: &Step) -> f32 {
+        (step.from + self.displacement(step.from)).distance(step.to)
+    }
+
+    fn least_squares(steps: &[Step], centre: Vec2) -> Option<Self> {
+        let unit_px = centre.max_element().max(1.0);
+        let mut normal = [[0.0f64; TERMS + 1]; TERMS];
+        for step in steps {
+            let displacement = step.to - step.from;
+            let rows = rows((step.from - centre) / unit_px);
+            for (row, value) in rows.iter().zip([displacement.x, displacement.y]) {
+                for (line, &a) in normal.iter_mut().zip(row) {
+                    for (out, &b) in line.iter_mut().zip(row) {
+                        *out += f64::from(a * b);
+                    }
+                    line[TERMS] += f64::from(a * value);
+                }
+            }
+        }
+        let terms = solved(normal)?.map(|term| term as f32);
+        Some(Self { terms, centre, unit_px })
+    }
+}
+
+/// The two lines of the linear system at a position.
+fn rows(p: Vec2) -> [[f32; TERMS]; 2] {
+    [[1.0, p.x, p.y, 0.0, 0.0, 0.0, p.x * p.x, p.x * p.y], [0.0, 0.0, 0.0, 1.0, p.x, p.y, p.x * p.y, p.y * p.y]]
+}
+
+/// Gauss elimination with row pivots; `None` for a singular system.
+fn solved(mut system: [[f64; TERMS + 1]; TERMS]) -> Option<[f64; TERMS]> {
+    for column in 0..TERMS {
+        let pivot = (column..TERMS).max_by(|&a, &b| system[a][column].abs().total_cmp(&system[b][column].abs()))?;
+        system.swap(column, pivot);
+        let lead = system[column];
+        if lead[column].abs() < 1e-9 {
+            return None;
+        }
+        for (_, line) in system.iter_mut().enumerate().filter(|(row, _)| *row != column) {
+            let share = line[column] / lead[column];
+            line.iter_mut().zip(lead).skip(column).for_each(|(value, lead)| *value -= share * lead);
+        }
+    }
+    Some(std::array::from_fn(|row| system[row][TERMS] / system[row][row]))
+}
+
+fn draw<const N: usize>(steps: &[Step], dice: &mut Pcg32) -> Option<[Step; N]> {
+    (steps.len() >= N).then(|| std::array::from_fn(|_| steps[dice.random_range(0..steps.len())]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn steps(motion: impl Fn(Vec2) -> Vec2) -> Vec<Step> {
+        let mut dice = Pcg32::new(1, 2);
+        let step = |at: usize| {
+            let from = Vec2::new(dice.random_range(0.0..640.0f32), dice.random_range(0.0..360.0f32));
+            // Every third step goes anywhere.
+            let stray = Vec2::new(dice.random_range(-40.0..40.0f32), dice.random_range(-40.0..40.0f32));
+            Step { from, to: if at % 3 == 0 { from + stray } else { motion(from) } }
+        };
+        (0..300).map(step).collect()
+    }
+
+    #[test]
+    fn a_similarity_is_found_among_stray_steps() {
+        let truth = Affine2::from_scale_angle_translation(Vec2::splat(1.03), 0.05, Vec2::new(4.0, -7.0));
+        let (found, share) = similarity(&steps(|from| truth.transform_point2(from)), 1.0).unwrap();
+        for corner in [Vec2::ZERO, Vec2::new(640.0, 360.0)] {
+            assert!(found.transform_point2(corner).distance(truth.transform_point2(corner)) < 0.05);
+        }
+        assert!((0.64..0.72).contains(&share), "{share}");
+        assert!(similarity(&[], 1.0).is_none());
+    }
+
+    #[test]
+    fn a_plane_motion_is_found_among_stray_steps() {
+        let truth = |p: Vec2| {
+            let q = (p - Vec2::new(320.0, 180.0)) / 320.0;
+            p + Vec2::new(12.0 + 2.0 * q.y + 3.0 * q.x * q.x, 1.0 - q.x + 3.0 * q.x * q.y)
+        };
+        let found = PlaneMotion::of(&steps(truth), Vec2::new(320.0, 180.0), 0.5).unwrap();
+        for corner in [Vec2::ZERO, Vec2::new(640.0, 0.0), Vec2::new(300.0, 360.0)] {
+            assert!((corner + found.displacement(corner)).distance(truth(corner)) < 0.05);
+        }
+        assert!(PlaneMotion::of(&[], Vec2::ONE, 0.5).is_none());
+    }
+}

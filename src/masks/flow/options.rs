@@ -1,0 +1,53 @@
+/// How the flow tracker works. Weights are natural logarithms of odds; lengths in pixels of the working size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlowOptions {
+    /// Longer side of the pictures worked on, in pixels; larger ones are reduced.
+    pub most_side: u32,
+    /// Weight of where the flow says that the object came from.
+    pub flow_weight: f32,
+    /// How much a pixel whose flow cannot be trusted speaks against the object.
+    pub doubt_weight: f32,
+    /// Weight of the distance from where the object is expected.
+    pub place_weight: f32,
+    /// Weight of the object's colours in the anchors.
+    pub first_color_weight: f32,
+    /// Weight of the object's colours of late.
+    pub last_color_weight: f32,
+    /// Share of a frame's colours that the colours of late take over, 0–1.
+    pub color_rate: f32,
+    /// Weight of moving like the object rather than like the background.
+    pub motion_weight: f32,
+    /// Price of the outline per pixel side on even colour.
+    pub outline_weight: f32,
+    /// Share of the expected shape that stays from one frame to the next where the mask shows nothing, 0–1.
+    pub memory: f32,
+    /// How far beyond the expected shape the object may be, in square roots of its area.
+    pub reach: f32,
+    /// The most that the object's area may be of its median over the last frames.
+    pub most_growth: f32,
+    /// Trust, 0–1, in a pixel that joins the object without having come from it.
+    pub trust_of_new: f32,
+    /// Where the object is looked for: distance from where flow puts it, in square roots of its area.
+    pub search: f32,
+}
+
+impl Default for FlowOptions {
+    fn default() -> Self {
+        Self {
+            most_side: 640,
+            flow_weight: 1.0,
+            doubt_weight: 0.7,
+            place_weight: 0.3,
+            first_color_weight: 0.35,
+            last_color_weight: 0.25,
+            color_rate: 0.1,
+            motion_weight: 0.5,
+            outline_weight: 2.0,
+            memory: 0.97,
+            reach: 0.35,
+            most_growth: 1.15,
+            trust_of_new: 0.4,
+            search: 0.8,
+        }
+    }
+}

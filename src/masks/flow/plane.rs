@@ -1,0 +1,96 @@
+use glam::{Affine2, Vec2};
+use rayon::prelude::*;
+
+/// One `f32` per pixel, row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Plane {
+    pub width: usize,
+    pub height: usize,
+    pub values: Vec<f32>,
+}
+
+/// For each pixel of one picture how far away its match in another picture lies, in pixels.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Flow {
+    pub width: usize,
+    pub height: usize,
+    pub vectors: Vec<Vec2>,
+}
+
+impl Plane {
+    pub fn new(width: usize, height: usize) -> Self {
+        Self { width, height, values: vec![0.0; width * height] }
+    }
+
+    /// 1 where true.
+    pub fn of_mask(width: usize, height: usize, mask: &[bool]) -> Self {
+        Self { width, height, values: mask.iter().map(|&inside| f32::from(u8::from(inside))).collect() }
+    }
+
+    /// Computed pixel by pixel, rows in parallel.
+    pub fn from_fn(width: usize, height: usize, value: impl Fn(usize, usize) -> f32 + Sync) -> Self {
+        let mut plane = Self::new(width, height);
+        let rows = plane.values.par_chunks_exact_mut(width).enumerate();
+        rows.for_each(|(y, row)| row.iter_mut().enumerate().for_each(|(x, out)| *out = value(x, y)));
+        plane
+    }
+
+    /// The value between four pixels; beyond the border that of the nearest pixel.
+    pub fn sample(&self, at: Vec2) -> f32 {
+        let (corner, weights) = corners(at, self.width, self.height);
+        corner.iter().zip(weights).map(|(&corner, weight)| self.values[corner] * weight).sum()
+    }
+
+    /// What the pixels of another picture find here at the end of their flow vectors.
+    pub fn pulled(&self, flow: &Flow) -> Self {
+        Self::from_fn(flow.width, flow.height, |x, y| {
+            self.sample(Vec2::new(x as f32, y as f32) + flow.vectors[y * flow.width + x])
+        })
+    }
+
+    /// Moved by `motion`; 0 comes in from beyond the border.
+    pub fn moved(&self, motion: Affine2) -> Self {
+        let back = motion.inverse();
+        Self::from_fn(self.width, self.height, |x, y| {
+            let at = back.transform_point2(Vec2::new(x as f32, y as f32));
+            if self.holds(at) { self.sample(at) } else { 0.0 }
+        })
+    }
+
+    fn holds(&self, at: Vec2) -> bool {
+        at.x > -0.5 && at.y > -0.5 && at.x < self.width as f32 - 0.5 && at.y < self.height as f32 - 0.5
+    }
+}
+
+impl Flow {
+    /// The vector between four pixels; beyond the border that of the nearest pixel.
+    pub fn sample(&self, at: Vec2) -> Vec2 {
+        let (corner, weights) = corners(at, self.width, self.height);
+        corner.iter().zip(weights).map(|(&corner, weight)| self.vectors[corner] * weight).sum()
+    }
+
+    pub fn at(&self, x: usize, y: usize) -> Vec2 {
+        self.vectors[y * self.width + x]
+    }
+
+    /// For a picture of another size; vectors grow with it.
+    pub fn resized(&self, width: usize, height: usize) -> Self {
+        let scale = Vec2::new(self.width as f32 / width as f32, self.height as f32 / height as f32);
+        let vector = |at: usize| {
+            let centre = Vec2::new((at % width) as f32 + 0.5, (at / width) as f32 + 0.5);
+            self.sample(centre * scale - 0.5) / scale
+        };
+        Self { width, height, vectors: (0..width * height).into_par_iter().with_min_len(4096).map(vector).collect() }
+    }
+}
+
+/// The four pixels around a position and their weights.
+pub(super) fn corners(at: Vec2, width: usize, height: usize) -> ([usize; 4], [f32; 4]) {
+    let x = at.x.clamp(0.0, width as f32 - 1.0);
+    let y = at.y.clamp(0.0, height as f32 - 1.0);
+    let (left, top) = (x as usize, y as usize);
+    let (right, below) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
+    let (u, v) = (x - left as f32, y - top as f32);
+    let corner = [top * width + left, top * width + right, below * width + left, below * width + right];
+    (corner, [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v])
+}

@@ -1,0 +1,205 @@
+use glam::Vec2;
+
+use super::dis::interpolated;
+use super::plane::Flow;
+use super::pyramid::Level;
+
+/// Weight of evenness, of equal grey levels and of equal slopes.
+const EVEN: f32 = 20.0;
+const GREY: f32 = 5.0;
+const SLOPE: f32 = 10.0;
+/// Rounds in which the robust weights are taken anew, and sweeps within one.
+const ROUNDS: usize = 5;
+const SWEEPS: usize = 5;
+/// Over-relaxation.
+const OMEGA: f32 = 1.6;
+/// Slopes below this, in grey levels per pixel, are noise.
+const NOISE_2: f32 = 0.01;
+const EPSILON_2: f32 = 1e-6;
+
+/// A flow made even where the pictures allow it, and sharp where they do not agree with that: equal grey levels and
+/// slopes at both ends, robust in both terms (Brox, Bruhn, Papenberg, Weickert, "High accuracy optical flow estimation
+/// based on a theory for warping", ECCV 2004). Solved by successive over-relaxation, red and black pixels in turn.
+pub(super) fn smoothed(from: &Level, to: &Level, flow: Flow) -> Flow {
+    let size = Size { width: flow.width, height: flow.height };
+    let slopes = Slopes::new(size, from, to, &flow);
+    let start = [size.framed(|at| flow.vectors[at].x), size.framed(|at| flow.vectors[at].y)];
+    let mut change = [vec![0.0; start[0].len()], vec![0.0; start[0].len()]];
+    let mut edges = Edges { across: vec![0.0; start[0].len()], down: vec![0.0; start[0].len()] };
+    let mut system = System::new(start[0].len());
+    for _ in 0..ROUNDS {
+        edges.weigh(size, &start, &change);
+        system.set_up(size, &slopes, &edges, &start, &change);
+        for sweep in 0..2 * SWEEPS {
+            system.relax(size, &edges, &mut change, sweep % 2);
+        }
+    }
+    let vector = |at: usize| flow.vectors[at] + Vec2::new(change[0][size.place(at)], change[1][size.place(at)]);
+    let vectors = (0..flow.vectors.len()).map(vector).collect();
+    Flow { vectors, ..flow }
+}
+
+/// The size of a flow; planes over it have a frame of one pixel around, so that every pixel has four neighbours.
+#[derive(Clone, Copy)]
+struct Size {
+    width: usize,
+    height: usize,
+}
+
+impl Size {
+    fn stride(self) -> usize {
+        self.width + 2
+    }
+
+    /// Place in a framed plane of a pixel's place in the picture.
+    fn place(self, at: usize) -> usize {
+        (at / self.width + 1) * self.stride() + at % self.width + 1
+    }
+
+    /// A plane with a frame of zeros.
+    fn framed(self, value: impl Fn(usize) -> f32) -> Vec<f32> {
+        let mut plane = vec![0.0; self.stride() * (self.height + 2)];
+        (0..self.width * self.height).for_each(|at| plane[self.place(at)] = value(at));
+        plane
+    }
+
+    /// Places of each row's first pixel, top to bottom.
+    fn rows(self) -> impl Iterator<Item = usize> {
+        (1..=self.height).map(move |y| y * self.stride() + 1)
+    }
+
+    /// Half the difference of the neighbours on both sides, `step` places away; the border's pixels stand for those
+    /// beyond it.
+    fn slope(self, plane: &[f32], step: usize) -> Vec<f32> {
+        let mut slope = vec![0.0; plane.len()];
+        for (y, row) in self.rows().enumerate() {
+            for (x, at) in (row..row + self.width).enumerate() {
+                let first = if step == 1 { x == 0 } else { y == 0 };
+                let last = if step == 1 { x + 1 == self.width } else { y + 1 == self.height };
+                let before = if first { plane[at] } else { plane[at - step] };
+                let after = if last { plane[at] } else { plane[at + step] };
+                slope[at] = 0.5 * (after - before);
+            }
+        }
+        slope
+    }
+}
+
+/// First and second derivatives of the pictures where they meet, as framed planes; `t` is the difference in time.
+struct Slopes {
+    x: Vec<f32>,
+    y: Vec<f32>,
+    t: Vec<f32>,
+    xx: Vec<f32>,
+    xy: Vec<f32>,
+    yy: Vec<f32>,
+    xt: Vec<f32>,
+    yt: Vec<f32>,
+}
+
+impl Slopes {
+    fn new(size: Size, from: &Level, to: &Level, flow: &Flow) -> Self {
+        let here = |at: usize| from.at((at % size.width) as isize, (at / size.width) as isize);
+        let there = |at: usize| interpolated(to, at % size.width, at / size.width, flow.vectors[at]);
+        let (here, there) = (size.framed(here), size.framed(there));
+        let mean: Vec<f32> = here.iter().zip(&there).map(|(a, b)| 0.5 * (a + b)).collect();
+        let t: Vec<f32> = here.iter().zip(&there).map(|(a, b)| b - a).collect();
+        let down = size.stride();
+        let (x, y) = (size.slope(&mean, 1), size.slope(&mean, down));
+        let (xx, xy, yy) = (size.slope(&x, 1), size.slope(&x, down), size.slope(&y, down));
+        let (xt, yt) = (size.slope(&t, 1), size.slope(&t, down));
+        Self { x, y, t, xx, xy, yy, xt, yt }
+    }
+}
+
+/// Weights of a pixel's being even with its neighbour to the right and below; 0 towards the frame.
+struct Edges {
+    across: Vec<f32>,
+    down: Vec<f32>,
+}
+
+impl Edges {
+    fn weigh(&mut self, size: Size, start: &[Vec<f32>; 2], change: &[Vec<f32>; 2]) {
+        let stride = size.stride();
+        for (y, row) in size.rows().enumerate() {
+            let has_below = y + 1 < size.height;
+            for (x, at) in (row..row + size.width).enumerate() {
+                let has_right = x + 1 < size.width;
+                let mut steep = EPSILON_2;
+                for (start, change) in start.iter().zip(change) {
+                    let here = start[at] + change[at];
+                    let right = if has_right { start[at + 1] + change[at + 1] - here } else { 0.0 };
+                    let below = if has_below { start[at + stride] + change[at + stride] - here } else { 0.0 };
+                    steep += right * right + below * below;
+                }
+                let weight = EVEN / steep.sqrt();
+                self.across[at] = if has_right { weight } else { 0.0 };
+                self.down[at] = if has_below { weight } else { 0.0 };
+            }
+        }
+    }
+
+    /// The four neighbours' values by the weights of their edges.
+    #[inline]
+    fn sum(&self, plane: &[f32], at: usize, stride: usize) -> f32 {
+        self.across[at - 1] * plane[at - 1]
+            + self.across[at] * plane[at + 1]
+            + self.down[at - stride] * plane[at - stride]
+            + self.down[at] * plane[at + stride]
+    }
+}
+
+/// Two linear equations per pixel in its change.
+struct System {
+    xy: Vec<f32>,
+    /// One over the diagonal.
+    inverse: [Vec<f32>; 2],
+    right: [Vec<f32>; 2],
+}
+
+impl System {
+    fn new(places: usize) -> Self {
+        let plane = || vec![0.0; places];
+        Self { xy: plane(), inverse: [plane(), plane()], right: [plane(), plane()] }
+    }
+
+    /// The equations with the robust weights of the present change.
+    fn set_up(&mut self, size: Size, s: &Slopes, edges: &Edges, start: &[Vec<f32>; 2], change: &[Vec<f32>; 2]) {
+        let stride = size.stride();
+        for row in size.rows() {
+            for at in row..row + size.width {
+                let (u, v) = (change[0][at], change[1][at]);
+                let (x, y, t) = (s.x[at], s.y[at], s.t[at]);
+                let (xx, xy, yy, xt, yt) = (s.xx[at], s.xy[at], s.yy[at], s.xt[at], s.yt[at]);
+                let norm = 1.0 / (x * x + y * y + NOISE_2);
+                let miss = t + x * u + y * v;
+                let grey = GREY * norm / (miss * miss * norm + EPSILON_2).sqrt();
+                let (norm_x, norm_y) = (1.0 / (xx * xx + xy * xy + NOISE_2), 1.0 / (yy * yy + xy * xy + NOISE_2));
+                let (miss_x, miss_y) = (xt + xx * u + xy * v, yt + xy * u + yy * v);
+                let slope = SLOPE / (miss_x * miss_x * norm_x + miss_y * miss_y * norm_y + EPSILON_2).sqrt();
+                let (a, b) = (slope * norm_x, slope * norm_y);
+                let even = edges.across[at - 1] + edges.across[at] + edges.down[at - stride] + edges.down[at];
+                self.xy[at] = grey * x * y + a * xx * xy + b * xy * yy;
+                self.inverse[0][at] = 1.0 / (grey * x * x + a * xx * xx + b * xy * xy + even);
+                self.inverse[1][at] = 1.0 / (grey * y * y + a * xy * xy + b * yy * yy + even);
+                let pull = |plane: &[f32]| edges.sum(plane, at, stride) - even * plane[at];
+                self.right[0][at] = pull(&start[0]) - grey * x * t - a * xx * xt - b * xy * yt;
+                self.right[1][at] = pull(&start[1]) - grey * y * t - a * xy * xt - b * yy * yt;
+            }
+        }
+    }
+
+    /// Half a sweep: the pixels of one colour.
+    fn relax(&self, size: Size, edges: &Edges, change: &mut [Vec<f32>; 2], colour: usize) {
+        let stride = size.stride();
+        let [us, vs] = change;
+        for (y, row) in size.rows().enumerate() {
+            for at in (row + (y + colour) % 2..row + size.width).step_by(2) {
+                let right = self.right[0][at] + edges.sum(us, at, stride) - self.xy[at] * vs[at];
+                us[at] += OMEGA * (right * self.inverse[0][at] - us[at]);
+                let right = self.right[1][at] + edges.sum(vs, at, stride) - self.xy[at] * us[at];
+                vs[at] += OMEGA * (right * self.inverse[1][at] - vs[at]);
+            }
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Masks carried by optical flow: seven real films, from the true mask of the first frame.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::sync::Arc;
+
+use ostra::engine::job::Progress;
+use ostra::frames::{FrameFolder, FrameStore, OpenRequest, open};
+use ostra::masks::flow::FlowTracker;
+use ostra::masks::{
+    Direction, FramePair, LabelId, LabelMask, RunMask, TrackRequest, TrackedFrame, Tracker, score_pairs,
+};
+
+use crate::support::data_dir;
+
+const CLIPS: [&str; 7] = ["blackswan", "bmx-trees", "car-shadow", "dance-twirl", "dog", "libby", "scooter-black"];
+
+/// Mean J and F of a clip, the first frame left out.
+fn scores(data: &Path, clip: &str) -> (f64, f64) {
+    let source = FrameFolder { frames: data.join("davis2016/JPEGImages").join(clip), depth: None };
+    let frames =
+        open(&OpenRequest { sources: vec![source], ..OpenRequest::default() }, &Progress::default()).unwrap().frames;
+    let truth = |name: &str| {
+        let path = data.join("davis2016/Annotations").join(clip).join(Path::new(name).with_extension("png"));
+        let grey = image::open(path).unwrap().to_luma8();
+        let ids = grey.pixels().map(|pixel| LabelId(u16::from(pixel.0[0] > 127))).collect();
+        LabelMask { width: grey.width(), height: grey.height(), ids }
+    };
+    let truths: Vec<LabelMask> = frames.iter().map(|frame| truth(&frame.name)).collect();
+    let request = TrackRequest {
+        from: 0,
+        to: frames.len() - 1,
+        frames: Arc::new(frames),
+        store: Arc::new(FrameStore::new(64 << 20)),
+        anchors: BTreeMap::from([(0, Arc::new(truths[0].clone()))]),
+        direction: Direction::Both,
+    };
+    let mut tracked = BTreeMap::new();
+    let mut take = |frame: TrackedFrame| {
+        tracked.insert(frame.frame, frame.mask);
+    };
+    FlowTracker::default().track(&request, &mut take, &Progress::default()).unwrap();
+    let pair = |(frame, result): (usize, LabelMask)| FramePair {
+        name: frame.to_string(),
+        truth: RunMask::encode(&truths[frame]),
+        result: RunMask::encode(&result),
+    };
+    let pairs: Vec<FramePair> = tracked.into_iter().map(pair).collect();
+    assert_eq!(pairs.len(), truths.len() - 1, "{clip}: every frame but the anchor");
+    let score = score_pairs(&pairs, &BTreeSet::from([LabelId(1)]), &Progress::default()).unwrap();
+    (score.j, score.f)
+}
+
+#[test]
+fn the_first_true_mask_is_carried_through_seven_films() {
+    let Some(data) = data_dir() else { return };
+    let of_clips: Vec<(f64, f64)> = CLIPS.iter().map(|clip| scores(&data, clip)).collect();
+    for (clip, (j, f)) in CLIPS.iter().zip(&of_clips) {
+        println!("{clip}: J {j:.3}, F {f:.3}");
+    }
+    let mean = |of: fn(&(f64, f64)) -> f64| of_clips.iter().map(of).sum::<f64>() / CLIPS.len() as f64;
+    let (j, f) = (mean(|of| of.0), mean(|of| of.1));
+    println!("davis2016, first mask carried by flow: J {j:.3}, F {f:.3}");
+    assert!(j >= 0.58 && f >= 0.58, "J {j:.3}, F {f:.3}; flow alone reaches 0.42 and 0.41");
+}
