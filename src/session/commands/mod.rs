@@ -2,6 +2,7 @@
 //!
 //! May use: what `session` may. Must not touch: the folder on disk but through `OpenProject`.
 
+mod choice;
 mod depths;
 mod export;
 mod folders;
