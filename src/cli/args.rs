@@ -427,16 +427,16 @@ pub(super) struct EvalArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct InteractArgs {
-    /// Folder of frames.
+    /// Folder of frames, film, or project (whose frames have depth and cameras).
     #[arg(long, value_name = "PATH")]
     pub frames: PathBuf,
     /// Folder of true masks.
     #[arg(long, value_name = "MASKS")]
     pub truth: PathBuf,
-    /// Tracker.
+    /// auto, xmem, deaot, geometry or flow.
     #[arg(long, default_value = "auto", value_name = "NAME")]
     pub tracker: String,
-    /// Segmenter.
+    /// auto, sam or builtin.
     #[arg(long, default_value = "auto", value_name = "NAME")]
     pub segmenter: String,
     /// Print one JSON object.

@@ -242,6 +242,25 @@ fn one_label_is_tracked_anew_and_the_others_stay() {
 }
 
 #[test]
+fn a_robot_user_counts_the_clicks_that_tracking_saves() {
+    let recording = Recording::new();
+    let (project, truth) = (recording.project(), recording.truth());
+    let before = contents(Path::new(&project));
+    let play = ["eval", "interact", "--frames", &project, "--truth", &truth, "--tracker", "geometry"];
+    let report: Value = serde_json::from_str(&done(&[&play[..], &["--json"]].concat())).unwrap();
+    assert_eq!((&report["tracker"], &report["segmenter"]), (&"geometry".into(), &"builtin".into()));
+    assert_eq!((&report["frames"], &report["labels"]), (&4.into(), &1.into()));
+    assert!(report["mean_iou"].as_f64().unwrap() >= 0.9, "{report}");
+    let clicks = report["reached"][1]["clicks"].as_u64().unwrap();
+    assert!((1..4).contains(&clicks) && report["frame_by_frame"]["clicks"].as_u64().unwrap() >= 4, "{report}");
+    assert!(done(&play).contains(&format!("clicks to mean IoU 0.90 {clicks:>8}")));
+    assert_eq!(contents(Path::new(&project)), before, "the project is only read");
+    let color = recording.path("color");
+    let refusal = refused(&["eval", "interact", "--frames", &color, "--truth", &truth, "--tracker", "geometry"]);
+    assert!(refusal.contains("depth"), "{refusal}");
+}
+
+#[test]
 fn what_comes_later_says_what_it_needs() {
     let recording = Recording::new();
     let project = recording.project();
