@@ -69,6 +69,8 @@ pub enum Action {
     TrackForward,
     /// Carries masks to earlier frames.
     TrackBackward,
+    /// Carries the chosen label anew between the anchors next to this one.
+    Retrack,
     /// Makes cameras and depths.
     Reconstruct,
     /// Makes the labelled cloud.
@@ -272,6 +274,7 @@ const LIST: &[Row] = {
         A::Track, RUN, false, "Track both ways", "Carries the anchors' masks to all frames", plain(Key::T);
         A::TrackForward, RUN, false, "Track forward from here", "Carries masks from this frame to later ones", plain(Key::F);
         A::TrackBackward, RUN, false, "Track backward from here", "Carries masks from this frame to earlier ones", plain(Key::B);
+        A::Retrack, RUN, false, "Re-track this label around this frame", "Carries the chosen label anew up to the anchors next to this one; other labels stay", shift(Key::T);
         A::Reconstruct, RUN, true, "Reconstruct", "Makes cameras and depths with the settings of the Reconstruct panel", plain(Key::R);
         A::Fuse, RUN, false, "Fuse", "Makes the labelled cloud: every point takes the label most views vote for", plain(Key::U);
         A::Stop, RUN, true, "Stop", "Stops what is running; what is finished is kept", None;

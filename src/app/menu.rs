@@ -48,6 +48,7 @@ pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> 
         A::IncludeHere | A::ExcludeHere => view.pointer_px.is_some(),
         A::ClearLabelHere => view.label.is_some() && look.has_frames(),
         A::Track | A::TrackForward | A::TrackBackward => !look.project.masks.is_empty(),
+        A::Retrack => view.retracking(look).is_some(),
         A::Fuse | A::LookThrough => look.project.frames.iter().any(|frame| frame.posed_camera().is_some()),
         A::Reconstruct | A::Fit | A::ActualSize | A::NextDoubtful => look.has_frames(),
         A::PreviousFrame | A::NextFrame | A::Back10 | A::Forward10 | A::FirstFrame | A::LastFrame => look.has_frames(),

@@ -43,6 +43,7 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::Track => out.push(Command::Track(view.track.clone())),
         Action::TrackForward => track_from_here(view, Direction::Forward, out),
         Action::TrackBackward => track_from_here(view, Direction::Backward, out),
+        Action::Retrack => out.extend(view.retracking(look).map(Command::Track)),
         Action::Reconstruct => out.push(Command::Reconstruct(view.reconstruct.clone())),
         Action::Fuse => out.push(Command::Fuse(view.fuse.clone())),
         Action::Stop => out.push(Command::Stop),

@@ -142,7 +142,7 @@ impl ViewState {
             zoom: ZoomState::default(),
             draft: Draft::default(),
             segmenter: "auto".into(),
-            track: default_track(),
+            track: TrackSettings::default(),
             reconstruct: ReconstructRequest { method: ReconstructMethod::Auto, every: 1, device: "auto".into() },
             fuse: FuseRequest::default(),
             dialog: None,
@@ -181,6 +181,15 @@ impl ViewState {
         }
     }
 
+    /// Settings that carry the chosen label anew around the shown frame; none where that is no anchor with room around
+    /// it.
+    #[must_use]
+    pub fn retracking(&self, look: &Look<'_>) -> Option<TrackSettings> {
+        let labels = vec![self.label?];
+        let settings = TrackSettings { labels, direction: Direction::Both, ..self.track.clone() };
+        settings.around(look.project, self.frame).ok()
+    }
+
     /// Shows another frame; half-made drawing on the old one is dropped.
     pub fn go_to(&mut self, frame: usize) {
         if self.frame != frame {
@@ -189,10 +198,6 @@ impl ViewState {
             self.reveal_frame = true;
         }
     }
-}
-
-fn default_track() -> TrackSettings {
-    TrackSettings { tracker: "auto".into(), from: None, to: None, direction: Direction::Both, constrain: false }
 }
 
 /// The text of a path as typed: blanks around it are dropped, `~/` is the home folder.

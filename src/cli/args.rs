@@ -236,6 +236,15 @@ pub(super) struct TrackArgs {
     /// Which way masks go from an anchor.
     #[arg(long, default_value = "both")]
     pub direction: Way,
+    /// Frames between the anchors next to anchor K, both excluded.
+    #[arg(long, value_name = "K", conflicts_with_all = ["from", "to"])]
+    pub around: Option<usize>,
+    /// Only these labels; every pixel of another label stays as it is.
+    #[arg(long, value_name = "NAME")]
+    pub label: Vec<String>,
+    /// Write these labels over others too.
+    #[arg(long, requires = "label")]
+    pub replace: bool,
     /// Hold the masks against the anchors' masks carried through geometry.
     #[arg(long)]
     pub constrain: bool,
@@ -418,16 +427,16 @@ pub(super) struct EvalArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct InteractArgs {
-    /// Folder of frames.
+    /// Folder of frames, film, or project (whose frames have depth and cameras).
     #[arg(long, value_name = "PATH")]
     pub frames: PathBuf,
     /// Folder of true masks.
     #[arg(long, value_name = "MASKS")]
     pub truth: PathBuf,
-    /// Tracker.
+    /// auto, xmem, deaot, geometry or flow.
     #[arg(long, default_value = "auto", value_name = "NAME")]
     pub tracker: String,
-    /// Segmenter.
+    /// auto, sam or builtin.
     #[arg(long, default_value = "auto", value_name = "NAME")]
     pub segmenter: String,
     /// Print one JSON object.

@@ -2,10 +2,12 @@ use anyhow::{Result, bail};
 use serde::Serialize;
 
 use super::args::{Align, EvalArgs, EvalVerb, InteractArgs};
+use super::drive::{Interrupted, ProgressLines};
 use super::print::say;
 use crate::geometry::Alignment;
 use crate::session::evaluate::{
-    CameraScore, CloudEvaluation, MaskScore, ScoreOptions, cloud_table, evaluate_cloud, evaluate_masks, score_cameras,
+    CameraScore, CloudEvaluation, InteractReport, InteractRequest, MaskScore, ScoreOptions, cloud_table,
+    evaluate_cloud, evaluate_interaction, evaluate_masks, score_cameras,
 };
 
 pub(super) fn eval(verb: EvalVerb) -> Result<()> {
@@ -13,7 +15,7 @@ pub(super) fn eval(verb: EvalVerb) -> Result<()> {
         EvalVerb::Masks(args) => masks(&args),
         EvalVerb::Cloud(args) => cloud(args),
         EvalVerb::Cameras(args) => cameras(&args),
-        EvalVerb::Interact(args) => interact(&args),
+        EvalVerb::Interact(args) => interact(args),
     }
 }
 
@@ -60,14 +62,19 @@ fn cameras(args: &EvalArgs) -> Result<()> {
     print(args.json, &score, &camera_table(&score))
 }
 
-fn interact(args: &InteractArgs) -> Result<()> {
-    bail!(
-        "eval interact on {} against {} needs a tracker for frames without geometry ('{}' with segmenter '{}'), which this version does not have yet",
-        args.frames.display(),
-        args.truth.display(),
-        args.tracker,
-        args.segmenter
-    )
+fn interact(args: InteractArgs) -> Result<()> {
+    let InteractArgs { frames, truth, tracker, segmenter, json } = args;
+    let (mut lines, mut stopped) = (ProgressLines::default(), false);
+    let request = InteractRequest { frames, truth, tracker, segmenter };
+    let outcome = evaluate_interaction(&request, &mut |jobs| {
+        let flow = lines.glance(jobs);
+        stopped |= flow.is_break();
+        flow
+    });
+    lines.end();
+    let (report, warnings) = outcome.map_err(|error| if stopped { Interrupted.into() } else { error })?;
+    warn(&warnings);
+    print(json, &report, &interact_table(&report))
 }
 
 /// An option that means nothing here is refused rather than ignored.
@@ -115,4 +122,21 @@ fn camera_table(score: &CameraScore) -> String {
         text += &format!("{name:<12} {:>12.6} {:>12.6} {:>12.6} {:>12.6}\n", row.rmse, row.mean, row.median, row.max);
     }
     text + &format!("centre rmse is {:.4} % of the extent {:.4}\n", score.centre_percent, error.extent)
+}
+
+fn interact_table(report: &InteractReport) -> String {
+    let InteractReport { segmenter, tracker, frames, labels, .. } = report;
+    let mut text = format!("segmenter {segmenter}, tracker {tracker}, {frames} frames with truth, {labels} labels\n");
+    for goal in &report.reached {
+        let clicks = goal.clicks.map_or_else(|| "—".to_owned(), |clicks| clicks.to_string());
+        text += &format!("clicks to mean IoU {:.2} {clicks:>8}\n", goal.mean_iou);
+    }
+    text += &format!(
+        "at the end mean IoU {:.4} after {} clicks, {} frames corrected, {:.1} s\n",
+        report.mean_iou, report.clicks, report.corrected, report.seconds
+    );
+    let alone = &report.frame_by_frame;
+    text += &format!("every frame from nothing: {} clicks, {} frames failed\n", alone.clicks, alone.failed);
+    let saved = report.saved().map_or_else(|| "—".to_owned(), |share| format!("{:.0} %", 100.0 * share));
+    text + &format!("clicks saved to mean IoU 0.90: {saved}\n")
 }

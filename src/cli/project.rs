@@ -5,9 +5,9 @@ use super::args::{
     Way,
 };
 use super::drive::Driver;
-use crate::masks::{Click, Direction, Prompt, PxBox};
+use crate::masks::{Click, Direction, LabelId, Prompt, PxBox};
 use crate::session::{
-    Command, ExportRequest, FuseRequest, PromptRequest, ReconstructMethod, ReconstructRequest, TrackSettings,
+    Command, ExportRequest, FuseRequest, Project, PromptRequest, ReconstructMethod, ReconstructRequest, TrackSettings,
 };
 
 pub(super) fn label(args: LabelArgs) -> Result<()> {
@@ -17,20 +17,12 @@ pub(super) fn label(args: LabelArgs) -> Result<()> {
 
 pub(super) fn prompt(args: &PromptArgs) -> Result<()> {
     let driver = Driver::open(&args.project)?;
-    let known = &driver.project()?.labels;
-    let label = known.by_name(&args.label).with_context(|| {
-        let names: Vec<&str> = known.iter().map(|label| label.name.as_str()).collect();
-        format!("there is no label '{}' (there is: {}); make it with 'ostra label'", args.label, names.join(", "))
-    })?;
+    let label = label_id(driver.project()?, &args.label)?;
     let click = |include| move |&at_px| Click { at_px, include };
     let clicks = args.click.iter().map(click(true)).chain(args.not.iter().map(click(false))).collect();
     let boxes = args.boxes.iter().map(|&[min_px, max_px]| PxBox { min_px, max_px }).collect();
-    let request = PromptRequest {
-        frame: args.frame,
-        label: label.id,
-        prompt: Prompt { clicks, boxes },
-        segmenter: args.segmenter.clone(),
-    };
+    let request =
+        PromptRequest { frame: args.frame, label, prompt: Prompt { clicks, boxes }, segmenter: args.segmenter.clone() };
     driver.act_and_save([Command::Prompt(request)])
 }
 
@@ -60,9 +52,31 @@ pub(super) fn track(args: TrackArgs) -> Result<()> {
         Way::Forward => Direction::Forward,
         Way::Backward => Direction::Backward,
     };
-    let settings =
-        TrackSettings { tracker: args.tracker, from: args.from, to: args.to, direction, constrain: args.constrain };
-    Driver::open(&args.project)?.act_and_save([Command::Track(settings)])
+    let driver = Driver::open(&args.project)?;
+    let project = driver.project()?;
+    let settings = TrackSettings {
+        tracker: args.tracker,
+        from: args.from,
+        to: args.to,
+        direction,
+        constrain: args.constrain,
+        labels: args.label.iter().map(|name| label_id(project, name)).collect::<Result<_>>()?,
+        replace: args.replace,
+    };
+    let settings = match args.around {
+        Some(frame) => settings.around(project, frame)?,
+        None => settings,
+    };
+    driver.act_and_save([Command::Track(settings)])
+}
+
+fn label_id(project: &Project, name: &str) -> Result<LabelId> {
+    let known = &project.labels;
+    let label = known.by_name(name).with_context(|| {
+        let names: Vec<&str> = known.iter().map(|label| label.name.as_str()).collect();
+        format!("there is no label '{name}' (there is: {}); make it with 'ostra label'", names.join(", "))
+    })?;
+    Ok(label.id)
 }
 
 pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {

@@ -125,6 +125,39 @@ impl RunMask {
         self.map_ids(|id| *known.entry(id).or_insert_with(|| tree.at_level(id, level)))
     }
 
+    /// The stretches of pixels over which both masks, of the same size, are constant: this one's id, the other's, and
+    /// the length, in order.
+    pub fn joint_runs<'a>(&'a self, other: &'a Self) -> impl Iterator<Item = (LabelId, LabelId, u32)> + 'a {
+        debug_assert_eq!((self.width, self.height), (other.width, other.height), "masks of one frame");
+        let (mut ours, mut theirs) = (self.runs.iter().copied(), other.runs.iter().copied());
+        let (mut our_run, mut their_run) = (ours.next(), theirs.next());
+        std::iter::from_fn(move || {
+            let ((our_id, our_length), (their_id, their_length)) = (our_run?, their_run?);
+            let length = our_length.min(their_length);
+            let left = |id, of: u32| (of > length).then_some((id, of - length));
+            our_run = left(our_id, our_length).or_else(|| ours.next());
+            their_run = left(their_id, their_length).or_else(|| theirs.next());
+            Some((our_id, their_id, length))
+        })
+    }
+
+    /// Intersection over union of every label that is in either mask; [`LabelId::NONE`] is left out.
+    #[must_use]
+    pub fn ious(&self, other: &Self) -> BTreeMap<LabelId, f64> {
+        let mut counts: BTreeMap<LabelId, (u64, u64)> = BTreeMap::new();
+        for (ours, theirs, length) in self.joint_runs(other) {
+            let length = u64::from(length);
+            counts.entry(ours).or_default().1 += length;
+            if ours == theirs {
+                counts.entry(ours).or_default().0 += length;
+            } else {
+                counts.entry(theirs).or_default().1 += length;
+            }
+        }
+        counts.remove(&LabelId::NONE);
+        counts.into_iter().map(|(id, (common, either))| (id, common as f64 / either as f64)).collect()
+    }
+
     fn run_extent(&self, start: u32, length: u32) -> Extent {
         let last = start + length - 1;
         let (first_row, last_row) = (start / self.width, last / self.width);
@@ -143,7 +176,7 @@ impl Extent {
     }
 }
 
-fn merged(runs: impl Iterator<Item = (LabelId, u32)>) -> Vec<(LabelId, u32)> {
+pub(super) fn merged(runs: impl Iterator<Item = (LabelId, u32)>) -> Vec<(LabelId, u32)> {
     let mut kept: Vec<(LabelId, u32)> = Vec::with_capacity(runs.size_hint().0);
     for (id, length) in runs {
         match kept.last_mut() {
@@ -172,6 +205,15 @@ mod tests {
         })
     }
 
+    /// Two masks of one size.
+    fn pairs() -> impl Strategy<Value = (LabelMask, LabelMask)> {
+        (masks(), any::<prop::sample::Index>()).prop_map(|(mask, shift)| {
+            let mut other = mask.clone();
+            other.ids.rotate_left(shift.index(mask.ids.len()));
+            (mask, other)
+        })
+    }
+
     proptest! {
         #[test]
         fn encoding_loses_nothing(mask in masks()) {
@@ -182,6 +224,17 @@ mod tests {
             prop_assert_eq!(&read, &runs);
             let pieces = runs.runs.iter().flat_map(|&(id, n)| std::iter::repeat_n((id, 1), n as usize)).collect();
             prop_assert_eq!(RunMask::new(mask.width, mask.height, pieces).unwrap(), runs);
+        }
+
+        #[test]
+        fn joint_runs_agree_with_the_pixels((a, b) in pairs()) {
+            let (runs, others) = (RunMask::encode(&a), RunMask::encode(&b));
+            let joint = runs.joint_runs(&others);
+            let pixels: Vec<_> = joint.flat_map(|(a, b, n)| std::iter::repeat_n((a, b), n as usize)).collect();
+            prop_assert_eq!(pixels, a.ids.iter().copied().zip(b.ids.iter().copied()).collect::<Vec<_>>());
+            for (id, iou) in runs.ious(&others) {
+                prop_assert!(id != LabelId::NONE && (iou - a.region(id).iou(&b.region(id))).abs() < 1e-12);
+            }
         }
 
         #[test]

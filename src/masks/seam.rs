@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::{LabelId, LabelMask, MaskError, Prompt, Region};
@@ -73,6 +73,9 @@ pub struct TrackRequest {
     pub to: usize,
     /// Which way masks go.
     pub direction: Direction,
+    /// Only these labels are wanted; `None` = all that anchors show. A tracker may spare the work for the others; it
+    /// need not: who asks takes no more than was asked for.
+    pub labels: Option<BTreeSet<LabelId>>,
 }
 
 impl TrackRequest {

@@ -145,6 +145,27 @@ pub struct TrackSettings {
     /// Hold the masks against the anchors' masks carried through geometry.
     #[serde(default)]
     pub constrain: bool,
+    /// Only these labels are taken from the tracker, every pixel of another label stays as it is; empty = all labels.
+    #[serde(default)]
+    pub labels: Vec<LabelId>,
+    /// The chosen labels are written over others too.
+    #[serde(default)]
+    pub replace: bool,
+}
+
+impl Default for TrackSettings {
+    /// All labels over all frames, both ways, with the best tracker that is installed.
+    fn default() -> Self {
+        Self {
+            tracker: "auto".into(),
+            from: None,
+            to: None,
+            direction: Direction::Both,
+            constrain: false,
+            labels: Vec::new(),
+            replace: false,
+        }
+    }
 }
 
 /// Where cameras and depths come from.

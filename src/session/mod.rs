@@ -4,6 +4,7 @@
 
 mod act;
 mod apply;
+mod around;
 mod cloud;
 mod command;
 mod commands;

@@ -1,4 +1,3 @@
-use std::ops::Bound;
 use std::sync::Arc;
 
 use super::{Edit, FrameMask, MaskOrigin, Project, ResultKind};
@@ -31,11 +30,8 @@ impl Project {
         if everywhere {
             return self.tracked(0, usize::MAX).filter(|&number| number != frame).collect();
         }
-        let is_anchor = |(_, mask): &(&usize, &FrameMask)| mask.origin == MaskOrigin::Anchor;
-        let later = (Bound::Excluded(frame), Bound::Unbounded);
-        let first = self.masks.range(..frame).rev().find(is_anchor).map_or(0, |(&number, _)| number);
-        let last = self.masks.range(later).find(is_anchor).map_or(usize::MAX, |(&number, _)| number);
-        self.tracked(first, last).filter(|&number| number != frame).collect()
+        let (first, last) = self.neighbour_anchors(frame);
+        self.tracked(first.unwrap_or(0), last.unwrap_or(usize::MAX)).filter(|&number| number != frame).collect()
     }
 
     fn tracked(&self, first: usize, last: usize) -> impl Iterator<Item = usize> {

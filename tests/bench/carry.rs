@@ -39,6 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         store: Arc::new(FrameStore::new(256 << 20)),
         anchors,
         direction: Direction::Both,
+        labels: None,
     };
     let begun = Instant::now();
     let mut done = 0;

@@ -3,7 +3,7 @@
 use egui_kittest::kittest::{NodeT, Queryable};
 use ostra::app::{Panes, Severity};
 use ostra::masks::LabelId;
-use ostra::session::Command;
+use ostra::session::{Command, TrackSettings};
 
 use crate::desk::{Desk, labels};
 
@@ -100,6 +100,28 @@ fn buttons_ask_for_undo_tracking_reconstruction_and_fusion() {
         matches!(asked[..], [Command::Undo, Command::Track(_), Command::Reconstruct(_), Command::Fuse(_)]),
         "{asked:?}"
     );
+}
+
+#[test]
+fn one_label_is_re_tracked_around_a_corrected_frame() {
+    let mut harness = Desk::sample().shown();
+    let name = "Re-track this label around this frame";
+    harness.state_mut().shell.view.label = Some(LabelId(2));
+    harness.get_by_label("Replace other labels").click();
+    harness.run_steps(2);
+    harness.get_by_label(name).click();
+    harness.run_steps(2);
+    let settings = TrackSettings {
+        from: Some(0),
+        to: Some(11),
+        labels: vec![LabelId(2)],
+        replace: true,
+        ..TrackSettings::default()
+    };
+    assert_eq!(harness.state().asked[..], [Command::Track(settings)]);
+    harness.state_mut().shell.view.go_to(1);
+    harness.run_steps(2);
+    assert!(harness.get_by_label(name).accesskit_node().is_disabled(), "a tracked frame was not corrected");
 }
 
 #[test]

@@ -21,6 +21,7 @@ fn carried(frames: &[Frame], anchor: usize, mask: LabelMask) -> BTreeMap<usize, 
         from: 0,
         to: frames.len() - 1,
         direction: Direction::Both,
+        labels: None,
     };
     let mut masks = BTreeMap::new();
     let mut take = |tracked: ostra::masks::TrackedFrame| {

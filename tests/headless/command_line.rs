@@ -67,6 +67,20 @@ impl Recording {
         self.dir.path().join(name).to_str().unwrap().to_owned()
     }
 
+    /// True masks: the square is 16 × 20 pixels on every frame.
+    fn truth(&self) -> String {
+        let truth = self.path("truth");
+        std::fs::create_dir(&truth).unwrap();
+        for k in 0..4_u32 {
+            let left = 20.0 - 1.2 * f64::from(k);
+            let mask = GrayImage::from_fn(64, 48, |x, y| {
+                Luma([u8::from((f64::from(x) + 0.5 - left).abs() < 8.0 && (14..34).contains(&y)) * 255])
+            });
+            mask.save(format!("{truth}/{k}.png")).unwrap();
+        }
+        truth
+    }
+
     fn project(&self) -> String {
         let project = self.path("project");
         let [color, depth, sparse] = ["color", "depth", "sparse"].map(|name| self.path(name));
@@ -129,26 +143,9 @@ fn the_whole_way_on_the_command_line() {
     assert_eq!(info["labels"][0]["color"], "#d02818");
     assert_eq!(info["results"]["cloud"]["stale"], false);
 
-    // The square is 16 × 20 pixels on every frame.
-    let truth = recording.dir.path().join("truth");
-    std::fs::create_dir(&truth).unwrap();
-    for k in 0..4_u32 {
-        let left = 20.0 - 1.2 * f64::from(k);
-        let mask = GrayImage::from_fn(64, 48, |x, y| {
-            Luma([u8::from((f64::from(x) + 0.5 - left).abs() < 8.0 && (14..34).contains(&y)) * 255])
-        });
-        mask.save(truth.join(format!("{k}.png"))).unwrap();
-    }
-    let score: Value = serde_json::from_str(&done(&[
-        "eval",
-        "masks",
-        "--truth",
-        truth.to_str().unwrap(),
-        "--result",
-        &masks,
-        "--json",
-    ]))
-    .unwrap();
+    let truth = recording.truth();
+    let score: Value =
+        serde_json::from_str(&done(&["eval", "masks", "--truth", &truth, "--result", &masks, "--json"])).unwrap();
     assert!(score["j"].as_f64().unwrap() > 0.9, "{score}");
 
     let same = done(&["eval", "cloud", "--truth", &cloud, "--result", &cloud, "--within", "0.001"]);
@@ -177,6 +174,90 @@ fn a_prompt_sets_what_is_given_and_an_anchor_is_not_overwritten() {
     done(&["prompt", &project, "--frame", "3", "--label", "thing", "--click", "16,24"]);
     done(&["track", &project]);
     assert_eq!(std::fs::read(Path::new(&project).join("masks/0.png")).unwrap(), anchor);
+}
+
+/// Writes a mask file in which `thing` (1) and `wall` (2) are given as columns of the rows 14 to 33.
+fn write_mask(folder: &str, frame: u32, thing: std::ops::Range<u32>, wall: std::ops::Range<u32>) {
+    std::fs::create_dir_all(folder).unwrap();
+    let mask = GrayImage::from_fn(64, 48, |x, y| match (14..34).contains(&y) {
+        true if thing.contains(&x) => Luma([1]),
+        true if wall.contains(&x) => Luma([2]),
+        _ => Luma([0]),
+    });
+    mask.save(format!("{folder}/{frame}.png")).unwrap();
+}
+
+#[test]
+fn one_label_is_tracked_anew_and_the_others_stay() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    done(&["label", &project, "wall"]);
+    let import = |name: &str, frame, thing, wall| {
+        let folder = recording.path(name);
+        write_mask(&folder, frame, thing, wall);
+        done(&["masks", &project, "import", &folder]);
+    };
+    let file = |k: u32| Path::new(&project).join(format!("masks/{k}.png"));
+    let bytes = || [0, 1, 2, 3].map(|k| std::fs::read(file(k)).unwrap());
+    let mask = |k| ostra::masks::read_palette_png(&file(k)).unwrap();
+    let region = |k: u32, id: u16| mask(k).region(ostra::masks::LabelId(id));
+    let state = || -> Vec<String> {
+        let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
+        info["frames"].as_array().unwrap().iter().map(|frame| frame["mask"].as_str().unwrap().to_owned()).collect()
+    };
+    import("first", 1, 12..26, 36..56);
+    done(&["track", &project]);
+    // The anchor is corrected in both labels, one of them is tracked anew on one frame.
+    import("corrected", 1, 12..20, 36..42);
+    let (before, walls) = (bytes(), [0, 2, 3].map(|k| region(k, 2)));
+    done(&["track", &project, "--label", "thing", "--from", "2", "--to", "2"]);
+    let after = bytes();
+    assert_eq!([0, 1, 3].map(|k: usize| after[k] == before[k]), [true; 3], "outside the range and on the anchor");
+    assert_eq!(state(), ["stale", "anchor", "tracked", "stale"]);
+    assert!((100..=200).contains(&region(2, 1).area()), "{}", region(2, 1).area());
+    assert_eq!(region(2, 2), walls[1]);
+    let areas = [region(0, 1).area(), walls[1].area()];
+    assert!(areas[0] > 220 && areas[1] > 200, "the tracker would have made both smaller: {areas:?}");
+
+    // Around the anchor: all frames.
+    done(&["track", &project, "--label", "thing", "--around", "1"]);
+    assert_eq!([0, 2, 3].map(|k| region(k, 2)), walls);
+    assert!([0, 2, 3].iter().all(|&k| (100..=200).contains(&region(k, 1).area())));
+    assert_eq!((bytes()[1].clone(), bytes()[2].clone()), (after[1].clone(), after[2].clone()), "the same answer");
+
+    // What the anchor gives to the thing is taken from the wall only on request.
+    import("over", 1, 12..48, 0..0);
+    done(&["track", &project, "--label", "thing", "--around", "1"]);
+    assert_eq!([0, 2, 3].map(|k| region(k, 2)), walls);
+    done(&["track", &project, "--label", "thing", "--around", "1", "--replace"]);
+    assert!([0, 2, 3].iter().all(|&k| region(k, 2).area() <= walls[0].area() / 2 && region(k, 1).area() > 550));
+
+    let before = contents(Path::new(&project));
+    assert!(refused(&["track", &project, "--label", "sky"]).contains("'sky'"));
+    assert!(refused(&["track", &project, "--label", "thing", "--around", "2"]).contains("frame 2 is no anchor"));
+    assert_eq!(ostra(&["track", &project, "--around", "1", "--from", "0"]).status.code(), Some(2));
+    assert_eq!(ostra(&["track", &project, "--replace"]).status.code(), Some(2));
+    assert_eq!(contents(Path::new(&project)), before);
+}
+
+#[test]
+fn a_robot_user_counts_the_clicks_that_tracking_saves() {
+    let recording = Recording::new();
+    let (project, truth) = (recording.project(), recording.truth());
+    let before = contents(Path::new(&project));
+    let play = ["eval", "interact", "--frames", &project, "--truth", &truth, "--tracker", "geometry"];
+    let report: Value = serde_json::from_str(&done(&[&play[..], &["--json"]].concat())).unwrap();
+    assert_eq!((&report["tracker"], &report["segmenter"]), (&"geometry".into(), &"builtin".into()));
+    assert_eq!((&report["frames"], &report["labels"]), (&4.into(), &1.into()));
+    assert!(report["mean_iou"].as_f64().unwrap() >= 0.9, "{report}");
+    let clicks = report["reached"][1]["clicks"].as_u64().unwrap();
+    assert!((1..4).contains(&clicks) && report["frame_by_frame"]["clicks"].as_u64().unwrap() >= 4, "{report}");
+    assert!(done(&play).contains(&format!("clicks to mean IoU 0.90 {clicks:>8}")));
+    assert_eq!(contents(Path::new(&project)), before, "the project is only read");
+    let color = recording.path("color");
+    let refusal = refused(&["eval", "interact", "--frames", &color, "--truth", &truth, "--tracker", "geometry"]);
+    assert!(refusal.contains("depth"), "{refusal}");
 }
 
 #[test]

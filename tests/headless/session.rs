@@ -48,13 +48,7 @@ fn clicks(data: &Path) -> Vec<PromptRequest> {
 }
 
 pub fn track() -> Command {
-    Command::Track(TrackSettings {
-        tracker: "auto".into(),
-        from: None,
-        to: None,
-        direction: Default::default(),
-        constrain: false,
-    })
+    Command::Track(TrackSettings::default())
 }
 
 fn fuse() -> Command {

@@ -2,7 +2,8 @@ use egui::{DragValue, Ui};
 
 use super::jobs::{progress_text, run_button_ui};
 use super::segmenter::engine_choice_ui;
-use crate::app::tips::field;
+use crate::app::menu::is_possible;
+use crate::app::tips::{action_button, field};
 use crate::app::{Action, Look, ViewState};
 use crate::masks::Direction;
 use crate::session::{EngineKind, MaskOrigin};
@@ -35,6 +36,18 @@ pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
         ui.weak(text)
             .on_hover_text("Anchors are frames you clicked, painted or accepted; trackers never overwrite them");
     });
+    retrack_ui(ui, look, view, wishes);
+}
+
+/// One label carried anew after a correction.
+fn retrack_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+    let action = Action::Retrack;
+    let possible = look.running("Track").is_none() && is_possible(action, look, view);
+    if action_button(ui, &view.prefs.shortcuts, action, &action.text(), possible).clicked() {
+        wishes.push(action);
+    }
+    let tip = "A label that is re-tracked takes pixels from other labels too";
+    ui.checkbox(&mut view.track.replace, "Replace other labels").on_hover_text(tip);
 }
 
 fn direction_ui(ui: &mut Ui, direction: &mut Direction) {

@@ -6,12 +6,14 @@ mod assign;
 mod brush;
 mod compose;
 mod polygon;
+mod transfer;
 
 pub use assign::{PaintRule, assign, erase};
 pub use brush::stroke;
 pub use compose::{compose, taken_by_others};
 pub use polygon::fill_polygons;
 pub(super) use polygon::polygon_spans;
+pub use transfer::transfer;
 
 #[cfg(test)]
 mod tests;

@@ -97,6 +97,7 @@ impl Room {
             from: 0,
             to: self.frames.len() - 1,
             direction: Direction::Both,
+            labels: None,
         }
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! May use: what `session` may. Must not touch: the folder on disk but through `OpenProject`.
 
+mod choice;
 mod depths;
 mod export;
 mod folders;
@@ -17,5 +18,8 @@ mod track;
 mod traits;
 mod undo;
 
+pub(super) use choice::LabelChoice;
 use folders::make_folder_of;
-pub(super) use track::TrackRun;
+pub(super) use paint::{anchor, mask_of};
+pub(super) use prompt::{answer, with_answer};
+pub(super) use track::{TrackRun, carried, track_request};

@@ -63,9 +63,7 @@ impl Session {
     fn take_answer(&mut self, request: &PromptRequest, region: &Region) -> Result<()> {
         let project = self.snapshot()?;
         let PromptRequest { frame, label, prompt, .. } = request;
-        let mut mask = mask_of(&project, *frame)?;
-        let yielding = giving_way(&project, &mask, request);
-        compose(&mut mask, region, *label, prompt, &yielding, &project.labels)?;
+        let mask = with_answer(&project, request, region)?;
         let title = format!("Prompt {} on frame {frame}", label_name(&project, *label)?);
         let edits = vec![
             Edit::SetPrompt { frame: *frame, label: *label, prompt: Some(prompt.clone()) },
@@ -95,13 +93,22 @@ impl Session {
 /// The job that reads ahead.
 const PREPARE: &str = "prepare";
 
-fn answer(ready: &dyn PreparedFrame, project: &Project, request: &PromptRequest) -> Result<Region> {
+/// The pixels that a prompt asks for, given all else that the frame shows.
+pub fn answer(ready: &dyn PreparedFrame, project: &Project, request: &PromptRequest) -> Result<Region> {
     let mask = mask_of(project, request.frame)?;
     let previous = refines(project, request).then(|| mask.region(request.label)).filter(|region| region.area() > 0);
     let taken = taken(project, &mask, request);
     let prompt = against_rivals(project, &mask, request);
     let request = SegmentRequest { prompt: &prompt, previous: previous.as_ref(), taken: taken.as_ref() };
     Ok(ready.segment(&request)?)
+}
+
+/// The frame's mask with the answer to a prompt composed into it.
+pub fn with_answer(project: &Project, request: &PromptRequest, region: &Region) -> Result<LabelMask> {
+    let mut mask = mask_of(project, request.frame)?;
+    let yielding = giving_way(project, &mask, request);
+    compose(&mut mask, region, request.label, &request.prompt, &yielding, &project.labels)?;
+    Ok(mask)
 }
 
 /// Whether the new prompt is the former one and one click more, or the first click on a mask that a tracker brought:

@@ -4,6 +4,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail, ensure};
 
+use super::choice::LabelChoice;
+use super::paint::label_name;
+use crate::frames::FrameStore;
 use crate::masks::{RunMask, TrackRequest, TrackedFrame};
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{
@@ -17,7 +20,10 @@ const GATHERED: Duration = Duration::from_millis(300);
 pub(in crate::session) struct TrackRun {
     job: JobId,
     engine: &'static str,
+    title: String,
     settings: String,
+    /// What of its frames is taken.
+    choice: LabelChoice,
     begun: Instant,
     /// What it was given.
     made_from: Arc<Project>,
@@ -31,7 +37,7 @@ impl Session {
     pub(in crate::session) fn track(&mut self, settings: &TrackSettings) -> Result<JobId> {
         self.check_no_long_job()?;
         let project = self.snapshot()?;
-        let request = self.track_request(&project, settings)?;
+        let request = track_request(&project, &self.store, settings)?;
         let tracker = engines::tracker(settings, &project)?;
         if settings.tracker == "auto" {
             self.events.push(Event::Notice(format!("tracker: {}", tracker.name())));
@@ -40,9 +46,7 @@ impl Session {
         let job = self.start("Track", Kind::Long, move |link| {
             link.progress.stage("track")?;
             let mut emit = |tracked: TrackedFrame| {
-                let runs = Arc::new(RunMask::encode(&tracked.mask));
-                let TrackedFrame { frame, confidence, .. } = tracked;
-                let mask = FrameMask { runs, origin: MaskOrigin::Tracked, stale: false, confidence };
+                let (frame, mask) = carried(tracked);
                 // Where nobody takes it any more, the tracker notices the stop by itself.
                 let _ = link.send(move |session| session.gather(frame, mask));
             };
@@ -52,10 +56,13 @@ impl Session {
                 Ok(())
             }) as Landing)
         });
+        let only = only_labels(&project, settings);
         self.track = Some(TrackRun {
             job,
             engine,
-            settings: describe(settings),
+            title: if only.is_empty() { format!("Track with {engine}") } else { format!("Track {only} with {engine}") },
+            settings: describe(settings, &only),
+            choice: LabelChoice::new(settings),
             begun: Instant::now(),
             made_from: project,
             done: 0,
@@ -63,21 +70,6 @@ impl Session {
             saved: Instant::now(),
         });
         Ok(job)
-    }
-
-    fn track_request(&self, project: &Project, settings: &TrackSettings) -> Result<TrackRequest> {
-        let last = project.frames.len().saturating_sub(1);
-        let (from, to) = (settings.from.unwrap_or(0), settings.to.unwrap_or(last));
-        project.frame(from)?;
-        project.frame(to)?;
-        ensure!(from <= to, "frame {from} comes after frame {to}; give the earlier one first");
-        let anchors = project.masks.iter().filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
-        let anchors: BTreeMap<_, _> = anchors.map(|(&frame, mask)| (frame, Arc::new(mask.runs.decode()))).collect();
-        if anchors.is_empty() {
-            bail!("no frame has a mask to carry; prompt or paint one first");
-        }
-        let (frames, store) = (Arc::clone(&project.frames), Arc::clone(&self.store));
-        Ok(TrackRequest { frames, store, anchors, from, to, direction: settings.direction })
     }
 
     fn gather(&mut self, frame: usize, mask: FrameMask) -> Result<()> {
@@ -99,10 +91,11 @@ impl Session {
         }
         let waiting = std::mem::take(&mut run.waiting);
         let (job, made_from) = (run.job, Arc::clone(&run.made_from));
-        let (mut record, title) = (run.record(), format!("Track with {}", run.engine));
+        let (mut record, title, choice) = (run.record(), run.title.clone(), run.choice.clone());
         let now = self.snapshot()?;
         let outdated = anchors_differ(&made_from, &now);
-        let edits = waiting.into_iter().filter_map(|(frame, mask)| carried(&now, frame, mask, outdated));
+        let marked = |mask: FrameMask| FrameMask { stale: outdated, ..mask };
+        let edits = waiting.into_iter().filter_map(|(frame, mask)| choice.edit(&now, frame, marked(mask)));
         let mut edits: Vec<Edit> = edits.collect();
         let fresh: std::collections::BTreeSet<usize> = edits.iter().filter_map(frame_of).collect();
         let old = now.masks.iter().any(|(frame, mask)| mask.stale && !fresh.contains(frame));
@@ -143,16 +136,29 @@ impl TrackRun {
     }
 }
 
-/// The edit that gives a frame its carried mask: none for an anchor, which no tracker overwrites, for a frame that is
-/// gone, or for labels that are gone.
-fn carried(project: &Project, frame: usize, mask: FrameMask, outdated: bool) -> Option<Edit> {
-    let before = project.masks.get(&frame);
-    let is_anchor = before.is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
-    let fits = project.frames.get(frame).is_some_and(|of| (of.width, of.height) == (mask.runs.width, mask.runs.height));
-    let known = |id| id == crate::masks::LabelId::NONE || project.labels.get(id).is_some();
-    let known = mask.runs.runs.iter().all(|&(id, _)| known(id));
-    let mask = FrameMask { stale: outdated, ..mask };
-    (!is_anchor && fits && known).then_some(Edit::SetMask { frame, mask: Some(mask) })
+/// What a tracker is given for these settings.
+pub fn track_request(project: &Project, store: &Arc<FrameStore>, settings: &TrackSettings) -> Result<TrackRequest> {
+    let last = project.frames.len().saturating_sub(1);
+    let (from, to) = (settings.from.unwrap_or(0), settings.to.unwrap_or(last));
+    project.frame(from)?;
+    project.frame(to)?;
+    ensure!(from <= to, "frame {from} comes after frame {to}; give the earlier one first");
+    settings.labels.iter().try_for_each(|&id| label_name(project, id).map(drop))?;
+    let anchors = project.masks.iter().filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
+    let anchors: BTreeMap<_, _> = anchors.map(|(&frame, mask)| (frame, Arc::new(mask.runs.decode()))).collect();
+    if anchors.is_empty() {
+        bail!("no frame has a mask to carry; prompt or paint one first");
+    }
+    let (frames, store) = (Arc::clone(&project.frames), Arc::clone(store));
+    let labels = LabelChoice::new(settings).labels().cloned();
+    Ok(TrackRequest { frames, store, anchors, from, to, direction: settings.direction, labels })
+}
+
+/// A tracker's answer as a project holds it.
+pub fn carried(tracked: TrackedFrame) -> (usize, FrameMask) {
+    let TrackedFrame { frame, mask, confidence } = tracked;
+    let runs = Arc::new(RunMask::encode(&mask));
+    (frame, FrameMask { runs, origin: MaskOrigin::Tracked, stale: false, confidence })
 }
 
 fn frame_of(edit: &Edit) -> Option<usize> {
@@ -171,11 +177,19 @@ fn anchors_differ(before: &Project, now: &Project) -> bool {
     anchors(before) != anchors(now)
 }
 
-fn describe(settings: &TrackSettings) -> String {
+/// Names of the labels that alone are tracked; empty = all.
+fn only_labels(project: &Project, settings: &TrackSettings) -> String {
+    let names = settings.labels.iter().filter_map(|&id| project.labels.get(id)).map(|label| label.name.as_str());
+    names.collect::<Vec<_>>().join(", ")
+}
+
+fn describe(settings: &TrackSettings, only: &str) -> String {
     let mut words = vec![format!("{:?}", settings.direction).to_lowercase()];
     words.extend(settings.from.map(|frame| format!("from {frame}")));
     words.extend(settings.to.map(|frame| format!("to {frame}")));
     words.extend(settings.constrain.then(|| "constrained".to_owned()));
+    words.extend((!only.is_empty()).then(|| format!("only {only}")));
+    words.extend(settings.replace.then(|| "over other labels".to_owned()));
     words.join(", ")
 }
 
@@ -184,24 +198,36 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::masks::LabelId;
     use crate::session::tests::making::{anchor, project, record, tracked};
     use crate::session::{JobId, OpenProject};
 
-    /// A session with a run whose frames the test brings.
+    /// A session in which the test brings a run's frames.
     fn running(folder: &tempfile::TempDir, project: Project) -> Session {
         let mut session = Session::new();
         session.open = Some(OpenProject::create(&folder.path().join("p"), project).unwrap());
+        begin(&mut session, 1, &TrackSettings::default());
+        session
+    }
+
+    fn begin(session: &mut Session, job: u64, settings: &TrackSettings) {
         session.track = Some(TrackRun {
-            job: JobId(1),
+            job: JobId(job),
             engine: "flow",
+            title: "Track with flow".into(),
             settings: String::new(),
+            choice: LabelChoice::new(settings),
             begun: Instant::now(),
             made_from: session.snapshot().unwrap(),
             done: 0,
             waiting: Vec::new(),
             saved: Instant::now(),
         });
-        session
+    }
+
+    fn only(labels: &[u16], replace: bool) -> TrackSettings {
+        let labels = labels.iter().copied().map(LabelId).collect();
+        TrackSettings { labels, replace, ..TrackSettings::default() }
     }
 
     fn stale(session: &Session, frame: usize) -> bool {
@@ -234,30 +260,91 @@ mod tests {
         assert_eq!(**session.project().unwrap(), start);
     }
 
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(16))]
+    #[test]
+    fn a_label_carried_anew_leaves_what_lies_outside_its_range_stale() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = running(&folder, project());
+        session.commit("Prompt", vec![Edit::SetMask { frame: 0, mask: Some(anchor([1, 2, 0])) }]).unwrap();
+        for frame in 1..5 {
+            session.gather(frame, tracked([1, 2, 0])).unwrap();
+        }
+        session.end_track(JobId(1)).unwrap();
+        session.commit("Correct", vec![Edit::SetMask { frame: 2, mask: Some(anchor([0, 2, 1])) }]).unwrap();
+        assert_eq!([1, 3, 4].map(|frame| stale(&session, frame)), [true; 3]);
+        begin(&mut session, 2, &only(&[1], false));
+        for frame in [1, 3] {
+            session.gather(frame, tracked([2, 0, 1])).unwrap();
+        }
+        session.end_track(JobId(2)).unwrap();
+        let project = session.project().unwrap();
+        assert_eq!([1, 3, 4].map(|frame| stale(&session, frame)), [false, false, true]);
+        assert!(project.results[&ResultKind::Tracking].stale, "as long as one frame is");
+        assert_eq!(project.masks[&3].runs, tracked([0, 2, 1]).runs);
+        assert_eq!((&project.masks[&0], &project.masks[&2]), (&anchor([1, 2, 0]), &anchor([0, 2, 1])));
+        session.undo().unwrap();
+        assert_eq!([1, 3, 4].map(|frame| stale(&session, frame)), [true; 3]);
+    }
 
+    /// What happens to a project between openings.
+    #[derive(Debug, Clone)]
+    enum Act {
+        Track { labels: Vec<u16>, replace: bool, brought: Vec<(usize, u16)> },
+        Anchor { frame: usize, id: u16 },
+        Undo,
+        Redo,
+    }
+
+    fn act() -> impl Strategy<Value = Act> {
+        let brought = proptest::collection::vec((0usize..7, 0u16..4), 0..8);
+        prop_oneof![
+            3 => (proptest::collection::vec(0u16..4, 0..3), any::<bool>(), brought)
+                .prop_map(|(labels, replace, brought)| Act::Track { labels, replace, brought }),
+            1 => (0usize..5, 0u16..3).prop_map(|(frame, id)| Act::Anchor { frame, id }),
+            1 => Just(Act::Undo),
+            1 => Just(Act::Redo),
+        ]
+    }
+
+    fn anchors(session: &Session) -> BTreeMap<usize, FrameMask> {
+        let masks = session.project().unwrap().masks.clone();
+        masks.into_iter().filter(|(_, mask)| mask.origin == MaskOrigin::Anchor).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        /// Whatever was done before: a run changes no anchor, and no pixel of a label that it was not asked for unless
+        /// it may replace others.
         #[test]
-        fn anchors_stay_under_tracking(
-            anchors in proptest::collection::btree_set(0usize..5, 0..5),
-            brought in proptest::collection::vec((0usize..7, 0u16..4), 0..12),
-        ) {
+        fn anchors_and_other_labels_stay_under_tracking(acts in proptest::collection::vec(act(), 1..12)) {
             let folder = tempfile::tempdir().unwrap();
-            let mut start = project();
-            for &frame in &anchors {
-                start.apply(Edit::SetMask { frame, mask: Some(anchor([1, 2, 0])) }).unwrap();
+            let mut session = running(&folder, project());
+            for (act, job) in acts.into_iter().zip(1..) {
+                match act {
+                    Act::Undo => drop(session.undo()),
+                    Act::Redo => drop(session.redo()),
+                    Act::Anchor { frame, id } => {
+                        let mask = Some(anchor([id, 2, 0]));
+                        session.commit("Prompt", vec![Edit::SetMask { frame, mask }]).unwrap();
+                    }
+                    Act::Track { labels, replace, brought } => {
+                        let (before, held) = (session.snapshot().unwrap(), anchors(&session));
+                        begin(&mut session, job, &only(&labels, replace));
+                        for (frame, id) in brought {
+                            session.gather(frame, tracked([id, 0, 1])).unwrap();
+                        }
+                        session.end_track(JobId(job)).unwrap();
+                        prop_assert_eq!(anchors(&session), held);
+                        let after = session.project().unwrap();
+                        for (frame, mask) in before.masks.iter().filter(|_| !labels.is_empty() && !replace) {
+                            for (was, is, _) in mask.runs.joint_runs(&after.masks[frame].runs) {
+                                let other = was != LabelId::NONE && !labels.contains(&was.0);
+                                prop_assert!(was == is || !other, "frame {frame}: {was:?} became {is:?}");
+                            }
+                        }
+                    }
+                }
             }
-            let mut session = running(&folder, start);
-            for (frame, id) in brought {
-                session.gather(frame, tracked([id, 0, 1])).unwrap();
-            }
-            session.end_track(JobId(1)).unwrap();
-            let project = session.project().unwrap();
-            for frame in &anchors {
-                prop_assert_eq!(&project.masks[frame], &anchor([1, 2, 0]));
-            }
-            let tracked = project.masks.iter().filter(|(frame, _)| !anchors.contains(frame));
-            prop_assert!(tracked.into_iter().all(|(_, mask)| mask.origin == MaskOrigin::Tracked));
         }
     }
 }

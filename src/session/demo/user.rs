@@ -115,13 +115,7 @@ impl SimulatedUser {
 
     /// Carries the masks through the sequence.
     pub(super) fn track(studio: &mut Studio<'_, '_>) -> Result<()> {
-        studio.act(Command::Track(TrackSettings {
-            tracker: "geometry".into(),
-            from: None,
-            to: None,
-            direction: crate::masks::Direction::Both,
-            constrain: false,
-        }))
+        studio.act(Command::Track(TrackSettings { tracker: "geometry".into(), ..TrackSettings::default() }))
     }
 
     /// Mean IoU over all frames, per class.

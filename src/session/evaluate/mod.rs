@@ -1,13 +1,17 @@
-//! Scores of results against truth, without a project: masks, clouds, cameras.
+//! Scores of results against truth, without a project: masks, clouds, cameras, and the clicks that a robot user needs.
 //!
-//! May use: scores of masks, scene and geometry. Must not touch: the open project.
+//! May use: scores of masks, scene and geometry; `interact/` what a session may. Must not touch: the open project.
 
 mod cameras;
 mod cloud;
+mod interact;
 mod masks;
 
 pub use crate::masks::{MaskScore, ScoreOptions};
 pub use crate::scene::score::{CloudScore, cloud_table};
 pub use cameras::{CameraScore, score_cameras};
 pub use cloud::{CloudEvaluation, evaluate_cloud};
+pub use interact::{
+    FrameByFrame, Goal, InteractOptions, InteractReport, InteractRequest, Sequence, evaluate_interaction, interact,
+};
 pub use masks::evaluate_masks;

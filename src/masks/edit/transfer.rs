@@ -1,0 +1,72 @@
+use std::collections::BTreeSet;
+
+use crate::masks::runs::merged;
+use crate::masks::{LabelId, MaskError, RunMask};
+
+/// `mask` with the pixels that `labels` have in `source`: those that they had before are cleared, the new ones are set
+/// where nothing, or one of `labels`, is; with `replace` over other labels too. All else stays as it is.
+///
+/// # Errors
+/// [`MaskError::Request`] when the two masks differ in size.
+pub fn transfer(
+    mask: &RunMask,
+    source: &RunMask,
+    labels: &BTreeSet<LabelId>,
+    replace: bool,
+) -> Result<RunMask, MaskError> {
+    if (mask.width, mask.height) != (source.width, source.height) {
+        return Err(MaskError::Request(format!(
+            "labels of a mask of {}×{} pixels do not fit a frame of {}×{}; make the mask anew",
+            source.width, source.height, mask.width, mask.height
+        )));
+    }
+    let moved = |(at, found, length): (LabelId, LabelId, u32)| {
+        let free = at == LabelId::NONE || labels.contains(&at);
+        let id = match (labels.contains(&found), free) {
+            (true, _) if free || replace => found,
+            (_, true) => LabelId::NONE,
+            (_, false) => at,
+        };
+        (id, length)
+    };
+    Ok(RunMask { width: mask.width, height: mask.height, runs: merged(mask.joint_runs(source).map(moved)) })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::tests::frame;
+    use super::*;
+    use crate::masks::LabelMask;
+
+    proptest! {
+        #[test]
+        fn only_the_chosen_labels_move(
+            (mask, region) in frame(),
+            shift in 0usize..40,
+            labels in proptest::collection::btree_set((1u16..6).prop_map(LabelId), 0..3),
+            replace: bool,
+        ) {
+            let mut source = LabelMask { width: region.width, height: region.height, ids: mask.ids.clone() };
+            source.ids.rotate_left(shift % mask.ids.len());
+            let moved = transfer(&RunMask::encode(&mask), &RunMask::encode(&source), &labels, replace).unwrap();
+            prop_assert!(moved.runs.windows(2).all(|pair| pair[0].0 != pair[1].0));
+            for ((&before, &found), after) in mask.ids.iter().zip(&source.ids).zip(moved.decode().ids) {
+                let other = before != LabelId::NONE && !labels.contains(&before);
+                let expected = match (labels.contains(&found), other) {
+                    (true, true) if !replace => before,
+                    (true, _) => found,
+                    (false, true) => before,
+                    (false, false) => LabelId::NONE,
+                };
+                prop_assert_eq!(after, expected);
+            }
+        }
+    }
+
+    #[test]
+    fn masks_of_two_sizes_are_refused() {
+        assert!(transfer(&RunMask::empty(4, 3), &RunMask::empty(3, 4), &BTreeSet::new(), false).is_err());
+    }
+}

@@ -1,0 +1,115 @@
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use crate::masks::{LabelId, RunMask, transfer};
+use crate::session::{Edit, FrameMask, MaskOrigin, Project, TrackSettings};
+
+/// Which labels of a tracker's answers a project takes: all, or some beside which the others stay as they are.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(in crate::session) struct LabelChoice {
+    labels: Option<BTreeSet<LabelId>>,
+    replace: bool,
+}
+
+impl LabelChoice {
+    /// What the settings ask for.
+    pub(in crate::session) fn new(settings: &TrackSettings) -> Self {
+        let labels = settings.labels.iter().copied().collect::<BTreeSet<_>>();
+        Self { labels: (!labels.is_empty()).then_some(labels), replace: settings.replace }
+    }
+
+    /// The chosen labels; `None` = all.
+    pub(in crate::session) fn labels(&self) -> Option<&BTreeSet<LabelId>> {
+        self.labels.as_ref()
+    }
+
+    /// The edit that gives a frame what a tracker answered: none for an anchor, which no tracker overwrites, for a
+    /// frame that is gone, or for labels that are gone.
+    pub(in crate::session) fn edit(&self, project: &Project, frame: usize, answer: FrameMask) -> Option<Edit> {
+        let before = project.masks.get(&frame);
+        let is_anchor = before.is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
+        let size = (answer.runs.width, answer.runs.height);
+        let fits = project.frames.get(frame).is_some_and(|of| (of.width, of.height) == size);
+        if is_anchor || !fits {
+            return None;
+        }
+        let mask = match &self.labels {
+            Some(labels) => self.chosen_part(labels, before, &answer)?,
+            None => answer,
+        };
+        let known = |id| id == LabelId::NONE || project.labels.get(id).is_some();
+        let known = mask.runs.runs.iter().all(|&(id, _)| known(id));
+        known.then_some(Edit::SetMask { frame, mask: Some(mask) })
+    }
+
+    /// The frame's mask with the chosen labels' pixels and confidences of the answer, all else as before.
+    fn chosen_part(
+        &self,
+        labels: &BTreeSet<LabelId>,
+        before: Option<&FrameMask>,
+        answer: &FrameMask,
+    ) -> Option<FrameMask> {
+        let nothing = || Arc::new(RunMask::empty(answer.runs.width, answer.runs.height));
+        let present = before.map_or_else(nothing, |mask| Arc::clone(&mask.runs));
+        let moved = transfer(&present, &answer.runs, labels, self.replace).ok()?;
+        let runs = if moved == *present { present } else { Arc::new(moved) };
+        let kept = before.into_iter().flat_map(|mask| &mask.confidence).filter(|(id, _)| !labels.contains(id));
+        let new = answer.confidence.iter().filter(|(id, _)| labels.contains(id));
+        let confidence = kept.chain(new).map(|(&id, &sure)| (id, sure)).collect();
+        Some(FrameMask { runs, confidence, origin: answer.origin, stale: answer.stale })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::session::tests::making::{anchor, project, tracked};
+
+    fn choice(labels: &[u16], replace: bool) -> LabelChoice {
+        let labels = labels.iter().copied().map(LabelId).collect();
+        LabelChoice::new(&TrackSettings { labels, replace, ..TrackSettings::default() })
+    }
+
+    /// Frame 0 carries labels 1 and 2, frame 1 is an anchor, the others have no mask.
+    fn begun() -> Project {
+        let mut project = project();
+        let sure = BTreeMap::from([(LabelId(1), 0.5), (LabelId(2), 0.25)]);
+        let both = FrameMask { confidence: sure, stale: true, ..tracked([1, 2, 0]) };
+        for (frame, mask) in [(0, both), (1, anchor([1, 2, 0]))] {
+            project.apply(Edit::SetMask { frame, mask: Some(mask) }).unwrap();
+        }
+        project
+    }
+
+    fn taken(choice: &LabelChoice, frame: usize, ids: [u16; 3]) -> Option<FrameMask> {
+        match choice.edit(&begun(), frame, tracked(ids)) {
+            Some(Edit::SetMask { mask, .. }) => mask,
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn the_other_labels_keep_pixels_and_confidence() {
+        let mask = taken(&choice(&[1], false), 0, [0, 1, 1]).unwrap();
+        assert_eq!(mask.runs, tracked([0, 2, 1]).runs);
+        assert_eq!(mask.confidence, BTreeMap::from([(LabelId(1), 0.7), (LabelId(2), 0.25)]));
+        assert!(!mask.stale, "what is carried anew is fresh");
+        assert_eq!(taken(&choice(&[1], true), 0, [0, 1, 1]).unwrap().runs, tracked([0, 1, 1]).runs);
+        assert_eq!(taken(&choice(&[], false), 0, [0, 1, 1]), Some(tracked([0, 1, 1])), "all labels");
+    }
+
+    #[test]
+    fn a_frame_without_a_mask_gets_the_chosen_labels_alone() {
+        assert_eq!(taken(&choice(&[1], false), 2, [2, 1, 2]).unwrap().runs, tracked([0, 1, 0]).runs);
+    }
+
+    #[test]
+    fn anchors_and_labels_that_are_gone_are_left_alone() {
+        assert_eq!(taken(&choice(&[1], true), 1, [1, 1, 1]), None);
+        assert_eq!(taken(&choice(&[], true), 1, [1, 1, 1]), None);
+        assert_eq!(taken(&choice(&[7], true), 0, [7, 7, 7]), None);
+        assert!(taken(&choice(&[1], true), 0, [7, 1, 1]).is_some(), "a label that is not taken need not be known");
+    }
+}

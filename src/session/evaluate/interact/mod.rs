@@ -1,0 +1,20 @@
+//! A robot user on a sequence with truth: clicks, tracks, corrects, and counts the clicks.
+//!
+//! May use: the seams of masks, and how a session answers prompts and tracks. Must not touch: the open project, the disk
+//! but to read frames and truth.
+
+mod options;
+mod play;
+mod report;
+mod sequence;
+mod start;
+mod user;
+
+#[cfg(test)]
+mod tests;
+
+pub use options::InteractOptions;
+pub use play::interact;
+pub use report::{FrameByFrame, Goal, InteractReport};
+pub use sequence::Sequence;
+pub use start::{InteractRequest, evaluate_interaction};

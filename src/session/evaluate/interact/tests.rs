@@ -1,0 +1,171 @@
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use super::{FrameByFrame, InteractOptions, Sequence, interact};
+use crate::engine::job::{Progress, Stopped};
+use crate::frames::{DepthMap, FrameFolder, FrameStore, Image, OpenRequest, open};
+use crate::masks::{
+    Label, LabelId, LabelMask, LabelTree, MaskError, PreparedFrame, Region, RunMask, SegmentRequest, Segmenter,
+    TrackRequest, TrackedFrame, Tracker,
+};
+
+const SIZE: (u32, u32) = (64, 24);
+const FRAMES: u32 = 12;
+
+/// Columns of the two objects: the red one moves by 2 px a frame, the blue one stands still from frame 3 on.
+fn columns(frame: u32) -> [(LabelId, [u8; 3], Range<u32>); 2] {
+    let blue = if frame < 3 { 0..0 } else { 52..62 };
+    [(LabelId(1), [200, 30, 30], 2 + 2 * frame..18 + 2 * frame), (LabelId(2), [30, 30, 200], blue)]
+}
+
+/// Frames as files, with their true masks.
+fn sequence(folder: &Path) -> Sequence {
+    let (width, height) = SIZE;
+    let mut truth = BTreeMap::new();
+    for frame in 0..FRAMES {
+        let object = |x, y| columns(frame).into_iter().find(|(_, _, at)| at.contains(&x) && (4..20).contains(&y));
+        let color = |x, y| image::Rgb(object(x, y).map_or([90; 3], |(_, color, _)| color));
+        image::RgbImage::from_fn(width, height, color).save(folder.join(format!("{frame:02}.png"))).unwrap();
+        let id = |at: u32| object(at % width, at / width).map_or(LabelId::NONE, |(id, _, _)| id);
+        let mask = LabelMask { width, height, ids: (0..width * height).map(id).collect() };
+        truth.insert(frame as usize, RunMask::encode(&mask));
+    }
+    let sources = vec![FrameFolder::from(folder.to_owned())];
+    let opened = open(&OpenRequest { sources, ..OpenRequest::default() }, &Progress::default()).unwrap();
+    let label = |id: u16| Label { id: LabelId(id), name: id.to_string(), color: [0; 3], parent: None };
+    let labels = LabelTree::try_from(vec![label(1), label(2)]).unwrap();
+    Sequence { frames: Arc::new(opened.frames), store: Arc::new(FrameStore::new(1 << 20)), labels, truth }
+}
+
+/// Answers a click with all pixels of the clicked colour, or with the clicked pixel alone.
+struct ByColor {
+    whole: bool,
+}
+
+struct Colors {
+    image: Arc<Image>,
+    whole: bool,
+}
+
+impl Segmenter for ByColor {
+    fn name(&self) -> &'static str {
+        "by color"
+    }
+
+    fn prepare(
+        &self,
+        image: &Arc<Image>,
+        _: Option<&Arc<DepthMap>>,
+        _: &Progress,
+    ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
+        Ok(Arc::new(Colors { image: Arc::clone(image), whole: self.whole }))
+    }
+}
+
+impl PreparedFrame for Colors {
+    fn segment(&self, request: &SegmentRequest<'_>) -> Result<Region, MaskError> {
+        let (width, height) = (self.image.width, self.image.height);
+        let click = request.prompt.clicks.last().unwrap();
+        let at = click.pixel_in(width, height).unwrap();
+        let alike = |pixel: usize| click.include && self.image.pixels[pixel] == self.image.pixels[at];
+        let inside = (0..self.image.pixels.len()).map(|pixel| if self.whole { alike(pixel) } else { pixel == at });
+        Ok(Region { width, height, inside: inside.collect() })
+    }
+
+    fn bytes(&self) -> usize {
+        0
+    }
+}
+
+/// Anchors, range and labels of a request.
+type Asked = (BTreeSet<usize>, Range<usize>, Option<BTreeSet<LabelId>>);
+
+/// Copies the nearest anchor and notes what it was asked.
+#[derive(Default)]
+struct Copier {
+    asked: Mutex<Vec<Asked>>,
+}
+
+impl Tracker for Copier {
+    fn name(&self) -> &'static str {
+        "copier"
+    }
+
+    fn track(
+        &self,
+        request: &TrackRequest,
+        emit: &mut dyn FnMut(TrackedFrame),
+        progress: &Progress,
+    ) -> Result<Vec<String>, MaskError> {
+        let anchors: BTreeSet<usize> = request.anchors.keys().copied().collect();
+        self.asked.lock().unwrap().push((anchors, request.from..request.to + 1, request.labels.clone()));
+        for frame in (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame)) {
+            progress.check()?;
+            let nearest = request.anchors.iter().min_by_key(|(anchor, _)| anchor.abs_diff(frame)).unwrap();
+            let mask = nearest.1.as_ref().clone();
+            emit(TrackedFrame { frame, mask, confidence: BTreeMap::new() });
+        }
+        Ok(Vec::new())
+    }
+}
+
+#[test]
+fn corrections_between_anchors_make_a_sequence_good() {
+    let folder = tempfile::tempdir().unwrap();
+    let (sequence, tracker) = (sequence(folder.path()), Copier::default());
+    let options = InteractOptions::default();
+    let report = interact(&sequence, &ByColor { whole: true }, &tracker, &options, &Progress::default()).unwrap();
+    // One click an object and frame; 12 frames show red and 9 blue.
+    assert_eq!(report.frame_by_frame, FrameByFrame { clicks: 21, failed: 0 });
+    assert!(report.mean_iou >= 0.95, "{report:?}");
+    let clicks: Vec<usize> = report.reached.iter().map(|goal| goal.clicks.unwrap()).collect();
+    assert!(clicks.is_sorted() && clicks[0] > 1 && clicks[2] == report.clicks && clicks[2] < 21, "{clicks:?}");
+    assert!(report.saved().unwrap() > 0.3);
+    let asked = tracker.asked.into_inner().unwrap();
+    assert_eq!(asked[0], (BTreeSet::from([0]), 0..FRAMES as usize, None), "first all labels over all frames");
+    for (anchors, range, labels) in &asked[1..] {
+        assert_eq!(labels.as_ref().map(BTreeSet::len), Some(1));
+        assert_eq!(anchors.iter().filter(|&anchor| range.contains(anchor)).count(), 1, "{anchors:?} {range:?}");
+        let is_bound = |frame: usize| frame == FRAMES as usize || anchors.contains(&frame);
+        assert!((range.start == 0 || is_bound(range.start - 1)) && is_bound(range.end));
+    }
+    assert!(asked[1..].iter().any(|(.., labels)| labels == &Some(BTreeSet::from([LabelId(2)]))), "blue comes later");
+}
+
+#[test]
+fn a_segmenter_that_never_gets_there_ends_all_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let sequence = sequence(folder.path());
+    let options = InteractOptions::default();
+    let report =
+        interact(&sequence, &ByColor { whole: false }, &Copier::default(), &options, &Progress::default()).unwrap();
+    assert!(report.reached.iter().all(|goal| goal.clicks.is_none()) && report.saved().is_none());
+    assert!(report.clicks <= options.most_clicks(&sequence) && report.mean_iou < 0.1, "{report:?}");
+    assert_eq!(report.frame_by_frame, FrameByFrame { clicks: 21 * options.lone_clicks, failed: FRAMES as usize });
+}
+
+#[test]
+fn clicks_are_bounded_and_a_stop_is_noticed() {
+    let folder = tempfile::tempdir().unwrap();
+    let sequence = sequence(folder.path());
+    let options = InteractOptions { clicks: (3, 3), ..InteractOptions::default() };
+    let play =
+        |progress: &Progress| interact(&sequence, &ByColor { whole: true }, &Copier::default(), &options, progress);
+    let report = play(&Progress::default()).unwrap();
+    assert!(report.clicks == 3 && report.reached[2].clicks.is_none(), "{report:?}");
+    let stopped = Progress::default();
+    stopped.stop();
+    assert!(play(&stopped).unwrap_err().is::<Stopped>());
+}
+
+#[test]
+fn truth_without_labels_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut sequence = sequence(folder.path());
+    sequence.truth.values_mut().for_each(|mask| *mask = RunMask::empty(SIZE.0, SIZE.1));
+    let options = InteractOptions::default();
+    let error = interact(&sequence, &ByColor { whole: true }, &Copier::default(), &options, &Progress::default());
+    assert!(error.unwrap_err().to_string().contains("no label"));
+}
