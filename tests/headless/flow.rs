@@ -34,6 +34,7 @@ fn scores(data: &Path, clip: &str) -> (f64, f64) {
         store: Arc::new(FrameStore::new(64 << 20)),
         anchors: BTreeMap::from([(0, Arc::new(truths[0].clone()))]),
         direction: Direction::Both,
+        labels: None,
     };
     let mut tracked = BTreeMap::new();
     let mut take = |frame: TrackedFrame| {
@@ -61,5 +62,5 @@ fn the_first_true_mask_is_carried_through_seven_films() {
     let mean = |of: fn(&(f64, f64)) -> f64| of_clips.iter().map(of).sum::<f64>() / CLIPS.len() as f64;
     let (j, f) = (mean(|of| of.0), mean(|of| of.1));
     println!("davis2016, first mask carried by flow: J {j:.3}, F {f:.3}");
-    assert!(j >= 0.58 && f >= 0.58, "J {j:.3}, F {f:.3}; flow alone reaches 0.42 and 0.41");
+    assert!(j >= 0.61 && f >= 0.62, "J {j:.3}, F {f:.3}; flow alone reaches 0.42 and 0.41");
 }

@@ -16,9 +16,9 @@ mod command_line;
 mod crash;
 #[cfg(test)]
 mod films;
-mod floors;
 #[cfg(test)]
 mod floors;
+#[cfg(test)]
 mod flow;
 #[cfg(test)]
 mod frames;

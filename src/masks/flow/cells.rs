@@ -9,33 +9,32 @@ pub(super) const FEATURES: usize = 10;
 pub(super) const ODDS: usize = 3;
 const DIRECTIONS: usize = 6;
 
-/// A picture in cells, each described by a few numbers.
+/// Part of a picture in cells, each described by a few numbers.
 pub(super) struct Cells {
     pub columns: usize,
     pub rows: usize,
     /// Side of a cell, in pixels.
     pub side: usize,
-    pub features: Vec<[f32; FEATURES]>,
+    /// The cells that are described: their first and last columns and rows.
+    first: [usize; 2],
+    last: [usize; 2],
+    features: Vec<[f32; FEATURES]>,
 }
 
 impl Cells {
-    /// `odds` per colour bin.
-    pub fn new(picture: &Picture, odds: &[f32], side: usize) -> Self {
-        let (columns, rows) = (picture.width / side, picture.height / side);
+    /// The cells at most `reach_px` from `centre`, in each direction; `odds` per colour bin.
+    pub fn new(picture: &Picture, odds: &[f32], side: usize, centre: Vec2, reach_px: f32) -> Self {
+        let (columns, rows) = (picture.width.div_ceil(side).max(1), picture.height.div_ceil(side).max(1));
+        let cell = |at: f32, count: usize| (at / side as f32).clamp(0.0, count as f32 - 1.0) as usize;
+        let first = [cell(centre.x - reach_px, columns), cell(centre.y - reach_px, rows)];
+        let last = [cell(centre.x + reach_px, columns), cell(centre.y + reach_px, rows)];
         let mut features = vec![[0.0; FEATURES]; columns * rows];
-        for y in 0..rows * side {
-            for x in 0..columns * side {
-                let cell = &mut features[y / side * columns + x / side];
-                add_pixel(cell, picture, odds, x, y);
+        for row in first[1]..=last[1] {
+            for column in first[0]..=last[0] {
+                features[row * columns + column] = described(picture, odds, side, column, row);
             }
         }
-        let pixels = (side * side) as f32;
-        for cell in &mut features {
-            cell.iter_mut().for_each(|value| *value /= pixels);
-            let strength = cell[ODDS + 1..].iter().map(|value| value * value).sum::<f32>().sqrt();
-            cell[ODDS + 1..].iter_mut().for_each(|value| *value /= strength + 2.0);
-        }
-        Self { columns, rows, side, features }
+        Self { columns, rows, side, first, last, features }
     }
 
     /// Where a pixel lies among the cells' centres.
@@ -48,24 +47,43 @@ impl Cells {
         (cell + 0.5) * self.side as f32 - 0.5
     }
 
-    /// The features at a whole cell; beyond the border those of the nearest.
+    /// The features at a whole cell; of one that is not described those of the nearest.
     pub fn at(&self, x: isize, y: isize) -> &[f32; FEATURES] {
-        let x = x.clamp(0, self.columns as isize - 1) as usize;
-        let y = y.clamp(0, self.rows as isize - 1) as usize;
+        let x = x.clamp(self.first[0] as isize, self.last[0] as isize) as usize;
+        let y = y.clamp(self.first[1] as isize, self.last[1] as isize) as usize;
         &self.features[y * self.columns + x]
     }
 
     /// Means of a plane over the cells.
     pub fn means(&self, plane: &Plane) -> Plane {
         let mut means = Plane::new(self.columns, self.rows);
-        for y in 0..self.rows * self.side {
-            for x in 0..self.columns * self.side {
-                means.values[y / self.side * self.columns + x / self.side] += plane.values[y * plane.width + x];
-            }
+        let mut counts = vec![0.0f32; means.values.len()];
+        for (at, value) in plane.values.iter().enumerate() {
+            let cell = at / plane.width / self.side * self.columns + at % plane.width / self.side;
+            means.values[cell] += value;
+            counts[cell] += 1.0;
         }
-        means.values.iter_mut().for_each(|value| *value /= (self.side * self.side) as f32);
+        means.values.iter_mut().zip(counts).for_each(|(value, count)| *value /= count);
         means
     }
+}
+
+/// What a cell looks like; cells at the right and lower border may be smaller.
+fn described(picture: &Picture, odds: &[f32], side: usize, column: usize, row: usize) -> [f32; FEATURES] {
+    let mut cell = [0.0; FEATURES];
+    let (left, top) = (column * side, row * side);
+    let (right, bottom) = ((left + side).min(picture.width), (top + side).min(picture.height));
+    for y in top..bottom {
+        for x in left..right {
+            add_pixel(&mut cell, picture, odds, x, y);
+        }
+    }
+    let pixels = ((right - left) * (bottom - top)) as f32;
+    cell.iter_mut().for_each(|value| *value /= pixels);
+    let edges = &mut cell[ODDS + 1..];
+    let strength = edges.iter().map(|value| value * value).sum::<f32>().sqrt();
+    edges.iter_mut().for_each(|value| *value /= strength + 2.0);
+    cell
 }
 
 fn add_pixel(cell: &mut [f32; FEATURES], picture: &Picture, odds: &[f32], x: usize, y: usize) {

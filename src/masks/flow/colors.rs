@@ -66,7 +66,7 @@ fn histogram(bins: &[u16], counts: &[bool]) -> Vec<f32> {
 
 /// Weights 1 2 1 along one axis, the ends repeated.
 fn smooth(values: &mut [f32], step: usize, length: usize) {
-    for first in (0..values.len()).filter(|at| at / step % length == 0) {
+    for first in (0..values.len()).filter(|at| (at / step).is_multiple_of(length)) {
         let mut before = values[first];
         for at in 0..length {
             let place = first + at * step;

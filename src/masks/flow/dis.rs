@@ -32,7 +32,7 @@ pub(super) fn flow_between(first: &Pyramid, second: &Pyramid) -> Flow {
 fn refined(from: &Level, to: &Level, start: &Flow) -> Flow {
     let grid = Grid::new(from);
     let found = grid.search(from, to, start);
-    smoothed(from, to, grid.densified(from, to, &found))
+    smoothed(from, to, &grid.densified(from, to, &found))
 }
 
 /// Top-left pixels of the patches: rows and columns of them, the last ones at the border.

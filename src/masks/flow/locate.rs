@@ -220,6 +220,11 @@ impl Looks {
         Ready { first: self.first.scaled(self.size), last: self.last.clone(), shape, contrast }
     }
 
+    /// How far from the centre the looks reach, in cells.
+    pub fn radius(&self) -> usize {
+        self.last.radius
+    }
+
     /// Takes note of what the object looks like now that it is well seen.
     pub fn learn(&mut self, cells: &Cells, share: &Plane, centre: Vec2) {
         let ready = self.ready(cells, share, centre, 1.0);

@@ -152,7 +152,7 @@ mod tests {
             let from = Vec2::new(dice.random_range(0.0..640.0f32), dice.random_range(0.0..360.0f32));
             // Every third step goes anywhere.
             let stray = Vec2::new(dice.random_range(-40.0..40.0f32), dice.random_range(-40.0..40.0f32));
-            Step { from, to: if at % 3 == 0 { from + stray } else { motion(from) } }
+            Step { from, to: if at.is_multiple_of(3) { from + stray } else { motion(from) } }
         };
         (0..300).map(step).collect()
     }

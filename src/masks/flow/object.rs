@@ -82,7 +82,8 @@ impl Object {
         let area = region.area() as f32;
         let cell_side = ((area.sqrt() / CELLS_ACROSS).round() as usize).clamp(3, 10);
         let centre = centre_of(&shape, 0.5).unwrap_or(Vec2::ZERO);
-        let cells = Cells::new(picture, &colors.odds(), cell_side);
+        let whole = picture.width.max(picture.height) as f32;
+        let cells = Cells::new(picture, &colors.odds(), cell_side, centre, whole);
         let looks = Looks::new(&cells, &cells.means(&shape), centre);
         Self {
             id,
@@ -142,11 +143,12 @@ impl Object {
     pub fn predict(&mut self, change: &Change, options: &FlowOptions) -> Prediction {
         let (mut motion, zoom) = self.motion_by_flow(change);
         let centre = centre_of(&self.expected, 0.5).unwrap_or(self.centre);
-        let cells = self.cells(&change.next);
-        let shape = cells.means(&self.expected);
         let wider = 1.0 + SEARCH_GROWTH * self.hidden as f32;
         let reach = wider * options.search * self.usual_area().sqrt() + 3.0 * self.cell_side as f32;
-        let place = self.looks.find(&cells, (&shape, centre), motion.transform_point2(centre), zoom, reach);
+        let predicted = motion.transform_point2(centre);
+        let cells = self.cells(&change.next, predicted, reach);
+        let shape = cells.means(&self.expected);
+        let place = self.looks.find(&cells, (&shape, centre), predicted, zoom, reach);
         if place.corrected {
             self.motion = Affine2::from_translation(place.centre - centre);
             motion = Affine2::from_scale(Vec2::splat(zoom));
@@ -167,10 +169,12 @@ impl Object {
         Prediction { motion, centre: place.centre, warped, trust, expected, cells }
     }
 
-    fn cells(&self, picture: &Picture) -> Cells {
+    /// The cells that matter when the object is looked for at most `reach_px` from a place.
+    fn cells(&self, picture: &Picture, place: Vec2, reach_px: f32) -> Cells {
         let (first, last) = self.color_odds();
         let odds: Vec<f32> = first.iter().zip(&last).map(|(first, last)| 0.6 * first + 0.4 * last).collect();
-        Cells::new(picture, &odds, self.cell_side)
+        let looks = ((self.looks.radius() + 1) * self.cell_side) as f32;
+        Cells::new(picture, &odds, self.cell_side, place, reach_px + looks)
     }
 
     /// The similarity that the object's reliable pixels follow, or their shift; as last time where there are too few.
@@ -262,7 +266,7 @@ impl Object {
     pub fn settle(
         &mut self,
         mask: Region,
-        prediction: Prediction,
+        prediction: &Prediction,
         evidence: &Evidence,
         change: &Change,
         options: &FlowOptions,
@@ -276,13 +280,13 @@ impl Object {
             self.shape = Plane::of_mask(picture.width, picture.height, &mask.inside);
             self.shape_centre = prediction.centre;
         }
-        self.remember(&mask, &prediction, evidence, options);
+        self.remember(&mask, prediction, evidence, options);
         self.centre = prediction.centre;
         self.likeness = 0.0;
         if !mask.is_empty() {
             let colors = colors_of(picture, &mask);
             self.likeness = self.first_colors.likeness(&colors);
-            self.faith *= self.step_confidence(&mask, &prediction, change, self.likeness);
+            self.faith *= self.step_confidence(&mask, prediction, change, self.likeness);
             self.last_colors.learn(&colors, options.color_rate);
         }
         if well_seen {

@@ -36,6 +36,7 @@ impl Plane {
     }
 
     /// The value between four pixels; beyond the border that of the nearest pixel.
+    #[inline]
     pub fn sample(&self, at: Vec2) -> f32 {
         let (corner, weights) = corners(at, self.width, self.height);
         corner.iter().zip(weights).map(|(&corner, weight)| self.values[corner] * weight).sum()
@@ -64,6 +65,7 @@ impl Plane {
 
 impl Flow {
     /// The vector between four pixels; beyond the border that of the nearest pixel.
+    #[inline]
     pub fn sample(&self, at: Vec2) -> Vec2 {
         let (corner, weights) = corners(at, self.width, self.height);
         corner.iter().zip(weights).map(|(&corner, weight)| self.vectors[corner] * weight).sum()
@@ -85,6 +87,7 @@ impl Flow {
 }
 
 /// The four pixels around a position and their weights.
+#[inline(always)]
 pub(super) fn corners(at: Vec2, width: usize, height: usize) -> ([usize; 4], [f32; 4]) {
     let x = at.x.clamp(0.0, width as f32 - 1.0);
     let y = at.y.clamp(0.0, height as f32 - 1.0);

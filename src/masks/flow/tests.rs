@@ -99,6 +99,7 @@ impl Film {
             from: 0,
             to: self.frames.len() - 1,
             direction: Direction::Both,
+            labels: None,
         }
     }
 

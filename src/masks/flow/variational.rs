@@ -9,7 +9,7 @@ const EVEN: f32 = 20.0;
 const GREY: f32 = 5.0;
 const SLOPE: f32 = 10.0;
 /// Rounds in which the robust weights are taken anew, and sweeps within one.
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 3;
 const SWEEPS: usize = 5;
 /// Over-relaxation.
 const OMEGA: f32 = 1.6;
@@ -20,9 +20,9 @@ const EPSILON_2: f32 = 1e-6;
 /// A flow made even where the pictures allow it, and sharp where they do not agree with that: equal grey levels and
 /// slopes at both ends, robust in both terms (Brox, Bruhn, Papenberg, Weickert, "High accuracy optical flow estimation
 /// based on a theory for warping", ECCV 2004). Solved by successive over-relaxation, red and black pixels in turn.
-pub(super) fn smoothed(from: &Level, to: &Level, flow: Flow) -> Flow {
+pub(super) fn smoothed(from: &Level, to: &Level, flow: &Flow) -> Flow {
     let size = Size { width: flow.width, height: flow.height };
-    let slopes = Slopes::new(size, from, to, &flow);
+    let slopes = Slopes::new(size, from, to, flow);
     let start = [size.framed(|at| flow.vectors[at].x), size.framed(|at| flow.vectors[at].y)];
     let mut change = [vec![0.0; start[0].len()], vec![0.0; start[0].len()]];
     let mut edges = Edges { across: vec![0.0; start[0].len()], down: vec![0.0; start[0].len()] };
@@ -36,7 +36,7 @@ pub(super) fn smoothed(from: &Level, to: &Level, flow: Flow) -> Flow {
     }
     let vector = |at: usize| flow.vectors[at] + Vec2::new(change[0][size.place(at)], change[1][size.place(at)]);
     let vectors = (0..flow.vectors.len()).map(vector).collect();
-    Flow { vectors, ..flow }
+    Flow { width: flow.width, height: flow.height, vectors }
 }
 
 /// The size of a flow; planes over it have a frame of one pixel around, so that every pixel has four neighbours.
@@ -139,6 +139,17 @@ impl Edges {
         }
     }
 
+    /// Of the row whose first pixel lies at `first`.
+    fn of_row(&self, size: Size, first: usize) -> Ties<'_> {
+        let row = |from: usize| from..from + size.width;
+        Ties {
+            left: &self.across[row(first - 1)],
+            right: &self.across[row(first)],
+            above: &self.down[row(first - size.stride())],
+            below: &self.down[row(first)],
+        }
+    }
+
     /// The four neighbours' values by the weights of their edges.
     #[inline]
     fn sum(&self, plane: &[f32], at: usize, stride: usize) -> f32 {
@@ -191,15 +202,50 @@ impl System {
 
     /// Half a sweep: the pixels of one colour.
     fn relax(&self, size: Size, edges: &Edges, change: &mut [Vec<f32>; 2], colour: usize) {
-        let stride = size.stride();
         let [us, vs] = change;
-        for (y, row) in size.rows().enumerate() {
-            for at in (row + (y + colour) % 2..row + size.width).step_by(2) {
-                let right = self.right[0][at] + edges.sum(us, at, stride) - self.xy[at] * vs[at];
-                us[at] += OMEGA * (right * self.inverse[0][at] - us[at]);
-                let right = self.right[1][at] + edges.sum(vs, at, stride) - self.xy[at] * us[at];
-                vs[at] += OMEGA * (right * self.inverse[1][at] - vs[at]);
-            }
+        for (y, first) in size.rows().enumerate() {
+            let here = first..first + size.width;
+            let row = |component: usize| Row {
+                xy: &self.xy[here.clone()],
+                inverse: &self.inverse[component][here.clone()],
+                right: &self.right[component][here.clone()],
+                ties: edges.of_row(size, first),
+            };
+            row(0).relax(us, &vs[here.clone()], first, (y + colour) % 2);
+            row(1).relax(vs, &us[here.clone()], first, (y + colour) % 2);
+        }
+    }
+}
+
+/// Weights of the edges that lead from the pixels of a row.
+struct Ties<'a> {
+    left: &'a [f32],
+    right: &'a [f32],
+    above: &'a [f32],
+    below: &'a [f32],
+}
+
+/// A row's equations in one component of the change.
+struct Row<'a> {
+    xy: &'a [f32],
+    inverse: &'a [f32],
+    right: &'a [f32],
+    ties: Ties<'a>,
+}
+
+impl Row<'_> {
+    /// Every other pixel from `start` on; the row's first pixel lies at `first` of the framed plane.
+    fn relax(&self, plane: &mut [f32], other: &[f32], first: usize, start: usize) {
+        let width = self.right.len();
+        let stride = width + 2;
+        let (above, rest) = plane.split_at_mut(first - 1);
+        let (here, below) = rest.split_at_mut(stride);
+        let (above, below) = (&above[first - stride..first - stride + width], &below[1..=width]);
+        for x in (start..width).step_by(2) {
+            let beside = self.ties.left[x] * here[x] + self.ties.right[x] * here[x + 2];
+            let over = self.ties.above[x] * above[x] + self.ties.below[x] * below[x];
+            let solved = (self.right[x] + beside + over - self.xy[x] * other[x]) * self.inverse[x];
+            here[x + 1] += OMEGA * (solved - here[x + 1]);
         }
     }
 }

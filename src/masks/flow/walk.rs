@@ -140,7 +140,7 @@ impl<'a> Walk<'a> {
             .collect();
         let next = &change.next;
         self.objects.par_iter_mut().zip(decided).for_each(|(object, (mask, prediction, evidence))| {
-            object.settle(mask, prediction, &evidence, &change, options);
+            object.settle(mask, &prediction, &evidence, &change, options);
         });
         let mut mask = LabelMask::empty(next.width as u32, next.height as u32);
         for object in &self.objects {

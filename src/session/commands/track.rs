@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -28,7 +28,7 @@ pub(in crate::session) struct TrackRun {
     /// What it was given.
     made_from: Arc<Project>,
     /// Frames done so far.
-    done: usize,
+    done: BTreeSet<usize>,
     waiting: Vec<(usize, FrameMask)>,
     saved: Instant,
 }
@@ -65,7 +65,7 @@ impl Session {
             choice: LabelChoice::new(settings),
             begun: Instant::now(),
             made_from: project,
-            done: 0,
+            done: BTreeSet::new(),
             waiting: Vec::new(),
             saved: Instant::now(),
         });
@@ -74,7 +74,7 @@ impl Session {
 
     fn gather(&mut self, frame: usize, mask: FrameMask) -> Result<()> {
         if let Some(run) = &mut self.track {
-            run.done += 1;
+            run.done.insert(frame);
             run.waiting.push((frame, mask));
         }
         self.save_tracked(false)
@@ -97,7 +97,7 @@ impl Session {
         let marked = |mask: FrameMask| FrameMask { stale: outdated, ..mask };
         let edits = waiting.into_iter().filter_map(|(frame, mask)| choice.edit(&now, frame, marked(mask)));
         let mut edits: Vec<Edit> = edits.collect();
-        let fresh: std::collections::BTreeSet<usize> = edits.iter().filter_map(frame_of).collect();
+        let fresh: BTreeSet<usize> = edits.iter().filter_map(frame_of).collect();
         let old = now.masks.iter().any(|(frame, mask)| mask.stale && !fresh.contains(frame));
         record.stale = outdated || old;
         edits.push(Edit::SetResult { kind: ResultKind::Tracking, record: Some(record) });
@@ -127,7 +127,7 @@ impl TrackRun {
     fn record(&self) -> ResultRecord {
         ResultRecord {
             engine: self.engine.to_owned(),
-            frames: self.done,
+            frames: self.done.len(),
             seconds: self.begun.elapsed().as_secs_f64(),
             stale: false,
             settings: self.settings.clone(),
@@ -219,7 +219,7 @@ mod tests {
             choice: LabelChoice::new(settings),
             begun: Instant::now(),
             made_from: session.snapshot().unwrap(),
-            done: 0,
+            done: BTreeSet::new(),
             waiting: Vec::new(),
             saved: Instant::now(),
         });
