@@ -123,8 +123,7 @@ pub trait Tracker: Send + Sync {
     fn name(&self) -> &'static str;
 
     /// Tracks; hands each finished frame to `emit` as soon as it is done, never an anchor; again when a better answer is
-    /// found later. Frames that it cannot
-    /// answer (no depth, no camera) are left out and named in the warnings returned.
+    /// found later. Frames that it cannot answer (no depth, no camera) are left out and named in the warnings returned.
     ///
     /// # Errors
     /// [`MaskError::Request`] when there is no anchor or no frame that can be answered; [`MaskError::Stopped`].

@@ -33,7 +33,7 @@ pub struct Engine {
 /// Every engine that the command line names, `auto` first within its kind.
 #[must_use]
 pub fn engines() -> Vec<Engine> {
-    const WEIGHTS: &str = "network weights, which this version cannot load yet; use 'builtin' or 'geometry'";
+    const WEIGHTS: &str = "network weights, which this version cannot load yet; use 'builtin', 'geometry' or 'flow'";
     let segmenter = |name, installed, needs| Engine { kind: EngineKind::Segmenter, name, installed, needs };
     let tracker = |name, installed, needs| Engine { kind: EngineKind::Tracker, name, installed, needs };
     vec![

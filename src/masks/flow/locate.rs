@@ -88,6 +88,8 @@ pub(super) struct Place {
     pub centre: Vec2,
     /// Whether it lies away from where it was predicted.
     pub corrected: bool,
+    /// Whether what is there looks like the object.
+    pub is_like: bool,
 }
 
 impl Template {
@@ -146,17 +148,8 @@ impl Template {
     /// Weights 1 on the shape and −1 on a ring around it, each adding up to one: how much better the odds of the colours
     /// are inside than around is their sum with these.
     fn contrast(&self) -> Vec<f32> {
-        let side = (2 * self.radius + 1) as isize;
-        let reach = self.radius as isize / 3;
-        let near = |at: usize| {
-            let (x, y) = (at as isize % side, at as isize / side);
-            let rows = (y - reach).max(0)..=(y + reach).min(side - 1);
-            let columns = (x - reach).max(0)..=(x + reach).min(side - 1);
-            let weights = rows.flat_map(|y| columns.clone().map(move |x| (y * side + x) as usize));
-            weights.map(|at| self.weights[at]).fold(0.0, f32::max)
-        };
-        let ring: Vec<f32> =
-            self.weights.iter().enumerate().map(|(at, own)| (near(at) - own).clamp(0.0, 1.0)).collect();
+        let near = dilated(&self.weights, 2 * self.radius + 1, self.radius / 3);
+        let ring: Vec<f32> = near.iter().zip(&self.weights).map(|(near, own)| (near - own).clamp(0.0, 1.0)).collect();
         let (own, around) = (self.weights.iter().sum::<f32>() + 1e-6, ring.iter().sum::<f32>() + 1e-6);
         self.weights.iter().zip(&ring).map(|(weight, ring)| weight / own - ring / around).collect()
     }
@@ -201,16 +194,18 @@ impl Looks {
         });
         let scored: Vec<(f32, Fit, (isize, isize))> = candidates.collect();
         let best = scored.into_iter().reduce(|best, next| if next.0 > best.0 { next } else { best });
-        let stay = Place { centre: predicted, corrected: false };
-        let Some((value, fit, (x, y))) = best else { return stay };
+        let Some((value, fit, (x, y))) = best else {
+            return Place { centre: predicted, corrected: false, is_like: false };
+        };
         let (found, there) = (Vec2::new(x as f32, y as f32), middle.round());
         let (there_x, there_y) = (there.x as isize, there.y as isize);
         let predicted_fit = ready.fit(cells, there_x, there_y);
-        let is_object = self.usual.is_none_or(|usual| fit.is_like(&usual));
-        if is_object && found.distance(middle) > NEAR && value > score(&predicted_fit, there_x, there_y) + MARGIN {
-            Place { centre: cells.to_pixel(found), corrected: true }
+        let is_like = |fit: &Fit| self.usual.is_none_or(|usual| fit.is_like(&usual));
+        let better = found.distance(middle) > NEAR && value > score(&predicted_fit, there_x, there_y) + MARGIN;
+        if better && is_like(&fit) {
+            Place { centre: cells.to_pixel(found), corrected: true, is_like: true }
         } else {
-            stay
+            Place { centre: predicted, corrected: false, is_like: is_like(&predicted_fit) }
         }
     }
 
@@ -232,6 +227,19 @@ impl Looks {
         self.usual = Some(ready.fit(cells, at.x as isize, at.y as isize));
         self.last.learn(&ready.shape);
     }
+}
+
+/// The largest value of a square of values at most `reach` columns and rows away.
+fn dilated(values: &[f32], side: usize, reach: usize) -> Vec<f32> {
+    let along = |values: &[f32], step: usize| -> Vec<f32> {
+        let most = |at: usize| {
+            let place = at / step % side;
+            let (before, after) = (place.min(reach), (side - 1 - place).min(reach));
+            (at - before * step..=at + after * step).step_by(step).map(|at| values[at]).fold(0.0, f32::max)
+        };
+        (0..values.len()).map(most).collect()
+    };
+    along(&along(values, 1), side)
 }
 
 /// The whole cells of the picture at most `reach` from a place.

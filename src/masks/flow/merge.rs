@@ -5,6 +5,8 @@ use crate::masks::{LabelId, LabelMask, Region, squared_depth_in, squared_distanc
 
 /// Distances from an outline count up to this, in pixels of the working size.
 const MOST_PX: f32 = 24.0;
+/// Least confidence and nearness that count.
+const LEAST: f32 = 1e-3;
 
 /// One mask out of two walks that met on a frame: between their outlines, nearer to the one that is surer and whose
 /// anchor is nearer (shapes as signed distances: Raya, Udupa, "Shape-based interpolation of multidimensional objects",
@@ -17,11 +19,13 @@ pub(super) fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -
     let mut confidence = BTreeMap::new();
     for label in labels {
         let (a, b) = (first.mask.region(label), second.mask.region(label));
-        // A walk that does not know the label says that its anchor does not show it, which holds near the anchor.
-        let of = |frame: &WalkedFrame| frame.confidence.get(&label).copied();
-        let weight = |own: Option<f32>, near: f32| own.unwrap_or(1.0).max(1e-3) * near.powi(2);
-        let (wa, wb) = (weight(of(first), nearness), weight(of(second), 1.0 - nearness));
-        let share = wa / (wa + wb).max(1e-9);
+        // A walk that does not know the label says nothing of it: nobody may have looked for it in that anchor.
+        let of = |frame: &WalkedFrame, near: f32| {
+            let sure = frame.confidence.get(&label).copied();
+            (sure.unwrap_or(0.0), sure.map_or(0.0, |sure| sure.max(LEAST) * near.powi(2).max(LEAST)))
+        };
+        let ((sure_a, wa), (sure_b, wb)) = (of(first, nearness), of(second, 1.0 - nearness));
+        let share = wa / (wa + wb);
         let (da, db) = (signed_distances(&a), signed_distances(&b));
         for (at, (da, db)) in da.iter().zip(&db).enumerate() {
             let distance = share * da + (1.0 - share) * db;
@@ -30,8 +34,8 @@ pub(super) fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -
                 mask.ids[at] = label;
             }
         }
-        let sure = of(first).unwrap_or(0.0).max(of(second).unwrap_or(0.0));
-        confidence.insert(label, sure * (0.5 + 0.5 * a.iou(&b) as f32));
+        let agreed = if wa * wb > 0.0 { 0.5 + 0.5 * a.iou(&b) as f32 } else { 1.0 };
+        confidence.insert(label, sure_a.max(sure_b) * agreed);
     }
     WalkedFrame { mask, confidence }
 }

@@ -17,6 +17,8 @@ use crate::masks::{LabelId, Region, squared_distance_to};
 const MOST_STEPS: usize = 800;
 /// Cells across an object, about.
 const CELLS_ACROSS: f32 = 10.0;
+/// The most cells that an object is long: thin and scattered ones have larger cells.
+const MOST_CELLS: usize = 48;
 /// Frames over which the area is remembered.
 const REMEMBERED: usize = 10;
 /// How often a cut that grew too much is made anew, and by how much the odds fall each time.
@@ -31,9 +33,11 @@ const LOST: f32 = 0.1;
 const ENOUGH: f32 = 0.4;
 /// By how much of itself the search grows with every frame in which the object is not well seen.
 const SEARCH_GROWTH: f32 = 0.1;
+const WIDEST_SEARCH: f32 = 3.0;
 /// How far the shape is expected where an object that was hidden seems to come back, 0–1.
 const REAPPEARS: f32 = 0.6;
-/// Power of a step's share in the confidence; with it the confidence of seven films is their IoU on average.
+/// Power of a step's share in the confidence, fitted on the seven films of `davis2016`: with it the confidence is their IoU
+/// on average.
 const FADE: f32 = 0.05;
 
 /// An object on its way through the frames.
@@ -80,7 +84,7 @@ impl Object {
         let shape = Plane::of_mask(picture.width, picture.height, &region.inside);
         let colors = colors_of(picture, &region);
         let area = region.area() as f32;
-        let cell_side = ((area.sqrt() / CELLS_ACROSS).round() as usize).clamp(3, 10);
+        let cell_side = ((area.sqrt() / CELLS_ACROSS).round() as usize).clamp(3, 10).max(extent(&region) / MOST_CELLS);
         let centre = centre_of(&shape, 0.5).unwrap_or(Vec2::ZERO);
         let whole = picture.width.max(picture.height) as f32;
         let cells = Cells::new(picture, &colors.odds(), cell_side, centre, whole);
@@ -114,8 +118,9 @@ impl Object {
         &self.mask
     }
 
-    /// How sure it is that the mask is right, 0–1: about the IoU to be expected. Errors add up along the way; where the
-    /// colours are no longer the anchor's, something else was taken. 0 where the object is not seen.
+    /// How sure it is that the mask is right, 0–1; within a hundred frames of the anchor about the IoU to be expected, from
+    /// there on only an order. Errors add up along the way; where the colours are no longer the anchor's, something else
+    /// was taken. 0 where the object is not seen.
     pub fn confidence(&self) -> f32 {
         self.faith * self.likeness
     }
@@ -126,7 +131,7 @@ impl Object {
 
     /// Pixels of the expected shape, at least 1.
     pub fn area(&self) -> f32 {
-        (self.expected.values.iter().filter(|&&value| value > 0.5).count() as f32).max(1.0)
+        (self.expected.values.iter().filter(|&&value| value > SHAPE).count() as f32).max(1.0)
     }
 
     /// Median area in the last frames that showed the object well, in pixels, at least 1.
@@ -143,14 +148,16 @@ impl Object {
     pub fn predict(&mut self, change: &Change, options: &FlowOptions) -> Prediction {
         let (mut motion, zoom) = self.motion_by_flow(change);
         let centre = centre_of(&self.expected, 0.5).unwrap_or(self.centre);
-        let wider = 1.0 + SEARCH_GROWTH * self.hidden as f32;
+        let wider = (1.0 + SEARCH_GROWTH * self.hidden as f32).min(WIDEST_SEARCH);
         let reach = wider * options.search * self.usual_area().sqrt() + 3.0 * self.cell_side as f32;
         let predicted = motion.transform_point2(centre);
         let cells = self.cells(&change.next, predicted, reach);
-        let shape = cells.means(&self.expected);
-        let place = self.looks.find(&cells, (&shape, centre), predicted, zoom, reach);
+        let shape = if self.hidden > 0 { (&self.shape, self.shape_centre) } else { (&self.expected, centre) };
+        let place = self.looks.find(&cells, (&cells.means(shape.0), shape.1), predicted, zoom, reach);
         if place.corrected {
-            self.motion = Affine2::from_translation(place.centre - centre);
+            if self.hidden == 0 {
+                self.motion = Affine2::from_translation(place.centre - centre);
+            }
             motion = Affine2::from_scale(Vec2::splat(zoom));
             motion.translation = place.centre - zoom * centre;
         }
@@ -159,9 +166,9 @@ impl Object {
         let trust = self.trust.pulled(&change.backward);
         let mut expected = self.expected.moved(motion);
         for (at, value) in expected.values.iter_mut().enumerate() {
-            *value = (*value * options.memory).max(warped.values[at].min(trust.values[at] + 0.2));
+            *value = value.max(warped.values[at].min(trust.values[at] + 0.2));
         }
-        if place.corrected && self.hidden > 0 {
+        if place.is_like && self.hidden > 0 {
             let back = self.shape.moved(Affine2::from_translation(place.centre - self.shape_centre));
             let reappears = |(value, back): (&mut f32, &f32)| *value = value.max(REAPPEARS * back);
             expected.values.iter_mut().zip(&back.values).for_each(reappears);
@@ -191,7 +198,10 @@ impl Object {
             sure.then_some(Step { from, to: from + vector })
         });
         let steps: Vec<Step> = steps.collect();
-        if steps.len() > 15 && self.hidden == 0 {
+        if self.hidden > 0 {
+            return (self.motion, 1.0);
+        }
+        if steps.len() > 15 {
             let shift = Vec2::new(
                 median(steps.iter().map(|step| step.to.x - step.from.x)),
                 median(steps.iter().map(|step| step.to.y - step.from.y)),
@@ -298,6 +308,17 @@ impl Object {
         }
         self.mask = mask;
     }
+}
+
+/// The longer side of the rectangle around a region, in pixels.
+fn extent(region: &Region) -> usize {
+    let width = region.width as usize;
+    let inside = || (0..region.inside.len()).filter(|&at| region.inside[at]);
+    let length = |of: &dyn Fn(usize) -> usize| {
+        let (least, most) = inside().map(of).fold((usize::MAX, 0), |(a, b), at| (a.min(at), b.max(at)));
+        most.saturating_sub(least) + 1
+    };
+    length(&|at| at % width).max(length(&|at| at / width))
 }
 
 /// By how much a similarity enlarges.

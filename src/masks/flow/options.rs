@@ -23,7 +23,7 @@ pub struct FlowOptions {
     pub memory: f32,
     /// How far beyond the expected shape the object may be, in square roots of its area.
     pub reach: f32,
-    /// The most that the object's area may be of its median over the last frames.
+    /// What the object's area may be of its median over the last frames before the odds are lowered for a smaller mask.
     pub most_growth: f32,
     /// Trust, 0–1, in a pixel that joins the object without having come from it.
     pub trust_of_new: f32,
@@ -43,7 +43,7 @@ impl Default for FlowOptions {
             color_rate: 0.1,
             motion_weight: 0.5,
             outline_weight: 2.0,
-            memory: 0.97,
+            memory: 0.94,
             reach: 0.35,
             most_growth: 1.15,
             trust_of_new: 0.4,

@@ -1,3 +1,5 @@
+use std::collections::BTreeSet;
+
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -62,13 +64,21 @@ fn reduced(image: &Image, width: usize, height: usize) -> Vec<[f32; 3]> {
     out
 }
 
-/// A mask at the working size: each pixel takes the label in its middle.
+/// A mask at the working size: each pixel takes the label in its middle; a label that none would take keeps the pixel
+/// that its first one lies in.
 pub(super) fn reduced_mask(mask: &LabelMask, (width, height): (usize, usize)) -> LabelMask {
     let place = |at: usize, target: usize, source: u32| ((2 * at + 1) * source as usize / (2 * target)) as u32;
-    let ids: Vec<LabelId> = (0..height)
+    let mut ids: Vec<LabelId> = (0..height)
         .flat_map(|y| (0..width).map(move |x| (x, y)))
         .map(|(x, y)| mask.at(place(x, width, mask.width), place(y, height, mask.height)))
         .collect();
+    let mut known: BTreeSet<LabelId> = ids.iter().copied().collect();
+    for (at, &id) in mask.ids.iter().enumerate().filter(|(_, id)| **id != LabelId::NONE) {
+        if known.insert(id) {
+            let (x, y) = (at % mask.width as usize, at / mask.width as usize);
+            ids[y * height / mask.height as usize * width + x * width / mask.width as usize] = id;
+        }
+    }
     LabelMask { width: width as u32, height: height as u32, ids }
 }
 

@@ -1,6 +1,7 @@
 //! The tracker on small films made here: textured things before a textured wall.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::Vec2;
@@ -61,7 +62,12 @@ struct Film {
 
 impl Film {
     /// The wall moves too, as before a turning camera; `pole` hides columns of every frame.
-    fn new(count: usize, disks: &[Disk], pole: std::ops::Range<u32>) -> Self {
+    fn new(count: usize, disks: &[Disk], pole: Range<u32>) -> Self {
+        Self::with_cover(count, disks, |_| pole.clone())
+    }
+
+    /// `cover` says which columns are hidden in each frame.
+    fn with_cover(count: usize, disks: &[Disk], cover: impl Fn(f32) -> Range<u32>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let (wall, skin) = (Noise::new(1), Noise::new(2));
         let (mut frames, mut truth) = (Vec::new(), Vec::new());
@@ -69,7 +75,7 @@ impl Film {
             let mut mask = LabelMask::empty(WIDTH, HEIGHT);
             let picture = image::RgbImage::from_fn(WIDTH, HEIGHT, |x, y| {
                 let p = Vec2::new(x as f32, y as f32);
-                if pole.contains(&x) {
+                if cover(k as f32).contains(&x) {
                     return image::Rgb([90, 90, 95]);
                 }
                 let on = disks.iter().find(|disk| p.distance((disk.centre)(k as f32)) < disk.radius);
@@ -190,13 +196,67 @@ fn a_thing_that_left_stays_gone_and_one_hidden_comes_back() {
 }
 
 #[test]
+fn a_thing_that_stands_still_is_found_again_where_it_was() {
+    // Panels slide over it for many frames.
+    let stands = Disk { label: LEFT, color: [170.0, 90.0, 80.0], radius: 13.0, centre: |_| Vec2::new(80.0, 60.0) };
+    let film = Film::with_cover(52, &[stands], |k| {
+        if k < 8.0 {
+            40..64
+        } else if k < 40.0 {
+            55..105
+        } else {
+            115..145
+        }
+    });
+    let tracked = track(&film.request(&[0]));
+    assert!(tracked[&30].mask.region(LEFT).is_empty());
+    assert!(film.iou(&tracked, 51, LEFT) > 0.8, "{}", film.iou(&tracked, 51, LEFT));
+}
+
+#[test]
+fn a_label_that_one_anchor_alone_shows_comes_whole_to_the_other() {
+    let film = Film::new(16, &two_disks(), 0..0);
+    let mut request = film.request(&[0, 15]);
+    let first = Arc::make_mut(request.anchors.get_mut(&0).unwrap());
+    first.ids.iter_mut().filter(|id| **id == RIGHT).for_each(|id| *id = LabelId::NONE);
+    let tracked = track(&request);
+    for frame in [1, 8, 14] {
+        assert!(film.iou(&tracked, frame, RIGHT) > 0.85, "frame {frame}: {}", film.iou(&tracked, frame, RIGHT));
+    }
+}
+
+#[test]
+fn strips_and_dots_of_pictures_and_anchors_of_two_sizes_do_no_harm() {
+    for (width, height) in [(1, 1), (7, 90), (640, 3), (33, 31)] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut film = Film { _folder: folder, frames: Vec::new(), truth: Vec::new() };
+        for k in 0..4u32 {
+            let path = film._folder.path().join(format!("{k}.png"));
+            let (width, height) = if k == 3 { (2 * width, 2 * height) } else { (width, height) };
+            image::RgbImage::from_fn(width, height, |x, y| image::Rgb([(x * 7 + k) as u8, y as u8, 90]))
+                .save(&path)
+                .unwrap();
+            let picture = PictureSource::File { path, orientation: Orientation::default() };
+            film.frames.push(Frame { name: k.to_string(), width, height, picture, depth: None, camera: None });
+            let mut mask = LabelMask::empty(width, height);
+            mask.ids[0] = LEFT;
+            film.truth.push(mask);
+        }
+        let tracked = track(&film.request(&[0, 3]));
+        assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), [1, 2]);
+        assert!(tracked.values().all(|frame| (frame.mask.width, frame.mask.height) == (width, height)));
+    }
+}
+
+#[test]
 fn the_same_request_gives_the_same_masks_for_any_number_of_threads() {
     let film = Film::new(6, &two_disks(), 0..0);
     let request = film.request(&[0, 5]);
-    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| track(&request));
+    let with =
+        |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| track(&request));
     let masks =
         |tracked: &BTreeMap<usize, TrackedFrame>| tracked.values().map(|frame| frame.mask.clone()).collect::<Vec<_>>();
-    assert_eq!(masks(&alone), masks(&track(&request)));
+    assert_eq!(masks(&with(1)), masks(&with(4)));
 }
 
 #[test]

@@ -62,19 +62,25 @@ impl Run<'_> {
     /// Walks through a gap from both of its ends. What the first walk finds is handed on at once, and again when the
     /// second has met it.
     fn fill(&mut self, gap: &Gap) -> Result<(), MaskError> {
+        let Some(any) = gap.before.or(gap.after) else { return Ok(()) };
+        let of = &self.request.frames[any];
+        let size = working_size(of.width, of.height, self.options.most_side);
         let mut kept: Vec<Option<Kept>> = Vec::new();
         if let Some(anchor) = gap.before {
             kept.resize_with(gap.to - gap.from + 1, || None);
-            self.walk(anchor, gap.after, gap.to, &mut |run, frame, walked| {
+            self.walk(anchor, gap.after, gap.to, size, &mut |run, frame, walked| {
                 if frame >= gap.from {
                     run.hand_on(frame, &walked);
+                    if gap.after.is_none() {
+                        return;
+                    }
                     let runs = RunMask::encode(&walked.mask);
                     kept[frame - gap.from] = Some(Kept { runs, confidence: walked.confidence });
                 }
             })?;
         }
         if let Some(anchor) = gap.after {
-            self.walk(anchor, gap.before, gap.from, &mut |run, frame, walked| {
+            self.walk(anchor, gap.before, gap.from, size, &mut |run, frame, walked| {
                 if frame > gap.to {
                     return;
                 }
@@ -99,18 +105,19 @@ impl Run<'_> {
         anchor: usize,
         other: Option<usize>,
         last: usize,
+        size: (usize, usize),
         found: &mut dyn FnMut(&mut Self, usize, WalkedFrame),
     ) -> Result<(), MaskError> {
         let frames: Vec<usize> =
             if last > anchor { (anchor + 1..=last).collect() } else { (last..anchor).rev().collect() };
-        let of = &self.request.frames[anchor];
-        let size = working_size(of.width, of.height, self.options.most_side);
         let (mut picture, mask) = self.anchor(anchor, size)?;
+        self.progress.check()?;
         let mut walk = Walk::new(self.options, &picture, &mask);
         if let Some(other) = other {
             let (picture, mask) = self.anchor(other, size)?;
             walk.learn(&picture, &mask);
         }
+        self.progress.check()?;
         let Some(&first) = frames.first() else { return Ok(()) };
         let mut change = self.change(&picture, first, size)?;
         for (step, &frame) in frames.iter().enumerate() {
