@@ -43,6 +43,34 @@ pub enum Action {
     ClearFrame,
     /// Accepts a tracked mask as it is.
     MakeAnchor,
+    /// The range of frames begins at the shown one.
+    RangeFrom,
+    /// The range of frames ends at the shown one.
+    RangeTo,
+    /// The range is the shown frame alone again.
+    DropRange,
+    /// The chosen label is not there over the range.
+    DeleteRange,
+    /// It may be there again.
+    RestoreRange,
+    /// It was not there before the shown frame.
+    AppearsHere,
+    /// It is not there from the shown frame on.
+    GoneFromHere,
+    /// Its pixels over the range stay as they are, or no longer.
+    LockRange,
+    /// Its pixels over the range are out of play, or no longer.
+    HideRange,
+    /// It becomes another label over the range.
+    MergeRange,
+    /// Its piece under the pointer becomes another label over the range.
+    SplitRange,
+    /// Shapes between those of the range's ends.
+    InterpolateRange,
+    /// Remembers the chosen label's mask on this frame.
+    CopyMask,
+    /// Puts the remembered mask onto the range.
+    PasteMask,
     /// Chooses a tool.
     UseTool(Tool),
     /// Smaller brush.
@@ -85,6 +113,10 @@ pub enum Action {
     ActualSize,
     /// Mask overlay on and off.
     ToggleMasks,
+    /// The masks before the last change, and back.
+    CompareBefore,
+    /// Labels × frames below the picture, or not.
+    ToggleTimeline,
     /// Outlines on and off.
     ToggleOutlines,
     /// Picture and 3-D.
@@ -112,6 +144,8 @@ pub enum MenuName {
     File,
     /// Undo, labels, masks.
     Edit,
+    /// Labels over a range of frames.
+    Range,
     /// What is shown, and how.
     View,
     /// From frame to frame.
@@ -124,7 +158,7 @@ pub enum MenuName {
 
 impl MenuName {
     /// All menus, from left to right.
-    pub const ALL: [Self; 6] = [Self::File, Self::Edit, Self::View, Self::Go, Self::Run, Self::Help];
+    pub const ALL: [Self; 7] = [Self::File, Self::Edit, Self::Range, Self::View, Self::Go, Self::Run, Self::Help];
 
     /// What the menu bar shows.
     #[must_use]
@@ -132,6 +166,7 @@ impl MenuName {
         match self {
             Self::File => "File",
             Self::Edit => "Edit",
+            Self::Range => "Range",
             Self::View => "View",
             Self::Go => "Go",
             Self::Run => "Run",
@@ -222,6 +257,7 @@ macro_rules! list {
 
 const FILE: Option<MenuName> = Some(MenuName::File);
 const EDIT: Option<MenuName> = Some(MenuName::Edit);
+const RANGE: Option<MenuName> = Some(MenuName::Range);
 const VIEW: Option<MenuName> = Some(MenuName::View);
 const GO: Option<MenuName> = Some(MenuName::Go);
 const RUN: Option<MenuName> = Some(MenuName::Run);
@@ -248,6 +284,20 @@ const LIST: &[Row] = {
         A::ClearLabelHere, EDIT, false, "Remove label from this frame", "Takes the chosen label's clicks and pixels off this frame", plain(Key::Delete);
         A::ClearFrame, EDIT, false, "Clear this frame", "Takes all clicks and the whole mask off this frame", shift(Key::Delete);
         A::MakeAnchor, EDIT, false, "Make this frame an anchor", "Accepts the tracked mask as it is; trackers keep it from now on", plain(Key::C);
+        A::RangeFrom, RANGE, false, "Range begins here", "Changes of the chosen label go over frames from this one on", plain(Key::I);
+        A::RangeTo, RANGE, false, "Range ends here", "Changes of the chosen label go over frames up to this one", shift(Key::I);
+        A::DropRange, RANGE, false, "Drop range", "Changes go over the shown frame alone again", ctrl(Key::I);
+        A::DeleteRange, RANGE, true, "Delete label over range", "It is not there: its pixels go, and no tracker brings them back", ctrl(Key::Delete);
+        A::RestoreRange, RANGE, false, "Let label be over range again", "Trackers may find it there again", ctrl_shift(Key::Delete);
+        A::AppearsHere, RANGE, false, "Label appears here", "It was not there before this frame (back to the last anchor that shows it)", plain(Key::Comma);
+        A::GoneFromHere, RANGE, false, "Label is gone from here", "It is not there from this frame on (up to the next anchor that shows it)", plain(Key::Period);
+        A::LockRange, RANGE, true, "Lock or unlock label over range", "Its pixels stay as they are, whoever tracks, clicks or paints", plain(Key::K);
+        A::HideRange, RANGE, false, "Hide or show label over range", "Its pixels are kept, but neither drawn, voted nor exported", plain(Key::H);
+        A::MergeRange, RANGE, true, "Merge label over range…", "Its pixels and clicks become another label's", plain(Key::J);
+        A::SplitRange, RANGE, false, "Split label over range…", "The piece under the pointer becomes another label, followed over the range", shift(Key::J);
+        A::InterpolateRange, RANGE, false, "Interpolate label over range", "Puts shapes between those on the first and the last frame of the range", plain(Key::Y);
+        A::CopyMask, RANGE, true, "Copy label's mask", "Remembers the chosen label's mask on this frame", shift(Key::C);
+        A::PasteMask, RANGE, false, "Paste label's mask", "Puts the remembered mask onto the range; its frames become anchors", shift(Key::V);
         A::UseTool(Tool::Click), EDIT, true, "Click and box tool", "Left click includes, right click excludes, dragging makes a box", plain(Key::V);
         A::UseTool(Tool::Brush), EDIT, false, "Brush tool", "Paints the chosen label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
         A::UseTool(Tool::Eraser), EDIT, false, "Eraser tool", "Takes the chosen label away; Shift+wheel sets the size", plain(Key::X);
@@ -261,6 +311,8 @@ const LIST: &[Row] = {
         A::ActualSize, VIEW, false, "Picture at 100 %", "One picture pixel takes one screen pixel", shift(Key::Num0);
         A::ToggleMasks, VIEW, false, "Show masks", "Shows or hides the masks over the picture", plain(Key::M);
         A::ToggleOutlines, VIEW, false, "Show outlines", "Draws a line around every label", plain(Key::O);
+        A::CompareBefore, VIEW, false, "Compare with before", "Shows this frame's masks before the last step that changed them, and back", plain(Key::W);
+        A::ToggleTimeline, VIEW, false, "Show timeline", "Shows or hides the grid of labels and frames above the filmstrip", plain(Key::F2);
         A::FrameCloud, VIEW, true, "Show whole cloud", "Brings the whole cloud into the 3-D view", plain(Key::A);
         A::LookThrough, VIEW, false, "Look through this frame's camera", "Puts the 3-D view where this frame was taken", plain(Key::L);
         A::ToggleTheme, VIEW, true, "Dark or light", "Changes between the dark and the light look", plain(Key::F9);

@@ -1,8 +1,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::masks::RunMask;
 use crate::scene::LabelledCloud;
-use crate::session::{Engine, EngineKind, JobView, Pictures, Project};
+use crate::session::{Engine, EngineKind, Estimate, JobView, Pictures, Project};
 
 /// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
 #[derive(Clone, Copy)]
@@ -27,6 +28,12 @@ pub struct Look<'a> {
     pub redo: Option<&'a str>,
     /// Projects opened before, latest first.
     pub recent: &'a [PathBuf],
+    /// The shown frame's mask before the last step that changed it, while the two are compared.
+    pub before: Option<&'a Arc<RunMask>>,
+    /// Work by hand on masks since the session began.
+    pub interactions: usize,
+    /// How good the masks probably are.
+    pub estimate: Option<Estimate>,
 }
 
 impl Look<'_> {

@@ -1,5 +1,6 @@
 use egui::{Button, MenuBar, Ui};
 
+use super::ranges::{is_range_change, range_request, split_at};
 use super::tips::action_button;
 use super::{Action, Look, MenuName, ViewState};
 use crate::session::Command;
@@ -47,6 +48,13 @@ pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> 
         A::MakeAnchor | A::ClearFrame => look.project.masks.contains_key(&view.frame),
         A::IncludeHere | A::ExcludeHere => view.pointer_px.is_some(),
         A::ClearLabelHere => view.label.is_some() && look.has_frames(),
+        A::RangeFrom | A::RangeTo => look.has_frames(),
+        A::DropRange => view.range.is_some(),
+        A::MergeRange => view.label.is_some() && look.project.labels.iter().nth(1).is_some(),
+        A::SplitRange => split_at(look, view).is_some() && look.project.labels.iter().nth(1).is_some(),
+        A::CopyMask => view.label.is_some_and(|label| view.presence.on_frame(view.frame).contains(&label)),
+        A::CompareBefore | A::ToggleTimeline => look.has_frames(),
+        _ if is_range_change(action) => range_request(action, look, view).is_some(),
         A::Track | A::TrackForward | A::TrackBackward => !look.project.masks.is_empty(),
         A::Retrack => view.retracking(look).is_some(),
         A::Fuse | A::LookThrough => look.project.frames.iter().any(|frame| frame.posed_camera().is_some()),

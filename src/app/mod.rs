@@ -12,6 +12,7 @@ mod panels;
 mod perform;
 mod prefs;
 mod presence;
+mod ranges;
 mod shell;
 mod shortcuts;
 mod textures;

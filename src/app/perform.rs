@@ -3,7 +3,8 @@ use egui::{Context, ThemePreference, ViewportCommand};
 use super::canvas::{clear_label, click_at};
 use super::menu::is_possible;
 use super::panels::{add_label, listed};
-use super::view_state::{PathWish, SceneWish};
+use super::ranges::{is_range_change, next_doubtful, range_request, set_range, split_at};
+use super::view_state::{IntoWish, PathWish, SceneWish};
 use super::{Action, Dialog, Look, Panes, ViewState};
 use crate::masks::Direction;
 use crate::session::Command;
@@ -13,7 +14,7 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
     if !is_possible(action, look, view) {
         return;
     }
-    if let Some(dialog) = dialog_of(action) {
+    if let Some(dialog) = dialog_of(action, look, view) {
         view.dialog = Some(dialog);
         view.path_text.clear();
         return;
@@ -34,6 +35,9 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::ClearLabelHere => clear_label(look, view, out),
         Action::ClearFrame => out.push(Command::ClearMask { frame: view.frame }),
         Action::MakeAnchor => out.push(Command::MakeAnchor { frame: view.frame }),
+        Action::RangeFrom | Action::RangeTo | Action::DropRange => set_range(action, view),
+        Action::CopyMask => view.copied = view.label.map(|label| (label, view.frame)),
+        _ if is_range_change(action) => out.extend(range_request(action, look, view).map(Command::Range)),
         Action::UseTool(tool) => {
             view.draft.drop_half_made();
             view.tool = tool;
@@ -53,8 +57,10 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
     }
 }
 
-fn dialog_of(action: Action) -> Option<Dialog> {
+fn dialog_of(action: Action, look: &Look<'_>, view: &ViewState) -> Option<Dialog> {
     Some(match action {
+        Action::MergeRange => Dialog::Into(IntoWish::Merge),
+        Action::SplitRange => Dialog::Into(IntoWish::Split(split_at(look, view)?)),
         Action::NewProject => Dialog::NewProject,
         Action::AddFrames => Dialog::AddFrames,
         Action::Export => Dialog::Export,
@@ -78,19 +84,9 @@ fn destination(action: Action, look: &Look<'_>, view: &ViewState) -> Option<usiz
         Action::Forward10 => (view.frame + 10).min(last),
         Action::FirstFrame => 0,
         Action::LastFrame => last,
-        Action::NextDoubtful => next_doubtful(look, view.frame).unwrap_or(view.frame),
+        Action::NextDoubtful => next_doubtful(look, view).unwrap_or(view.frame),
         _ => return None,
     })
-}
-
-/// The next frame, from the beginning again after the last, whose mask is stale or less than half sure.
-fn next_doubtful(look: &Look<'_>, from: usize) -> Option<usize> {
-    let doubtful = |frame: usize| {
-        let mask = look.project.masks.get(&frame);
-        mask.is_some_and(|mask| mask.stale || mask.confidence.values().any(|&sure| sure < 0.5))
-    };
-    let count = look.project.frames.len();
-    (1..=count).map(|step| (from + step) % count).find(|&frame| doubtful(frame))
 }
 
 fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
@@ -98,6 +94,8 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         Action::Fit => view.zoom.scale = None,
         Action::ActualSize => actual_size(ctx, view),
         Action::ToggleMasks => view.masks_shown = !view.masks_shown,
+        Action::CompareBefore => view.compare = !view.compare,
+        Action::ToggleTimeline => view.prefs.timeline = !view.prefs.timeline,
         Action::ToggleOutlines => view.prefs.outlines = !view.prefs.outlines,
         Action::ShowBoth => view.prefs.panes = Panes::Both,
         Action::ShowPicture => view.prefs.panes = Panes::Picture,

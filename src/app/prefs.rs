@@ -21,6 +21,10 @@ pub struct Prefs {
     pub point_size: f32,
     /// Whether camera frusta are drawn.
     pub frusta: bool,
+    /// Whether the grid of labels and frames is shown.
+    pub timeline: bool,
+    /// Confidence below which a frame is one to check, 0–1.
+    pub doubt_below: f32,
 }
 
 impl Default for Prefs {
@@ -34,6 +38,8 @@ impl Default for Prefs {
             brush_px: 12.0,
             point_size: 2.0,
             frusta: true,
+            timeline: true,
+            doubt_below: 0.5,
         }
     }
 }

@@ -1,12 +1,12 @@
 use egui::{CentralPanel, Context, Frame, Margin, Panel, ScrollArea, Stroke, Ui};
 
 use super::canvas::picture_pane_ui;
-use super::dialogs::{export_ui, new_project_ui, palette_ui, path_ui, sheet_ui, take_picked};
+use super::dialogs::{export_ui, into_ui, new_project_ui, palette_ui, path_ui, sheet_ui, take_picked};
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
-    ScenePane, cloud_labels_ui, filmstrip_ui, fuse_ui, jobs_ui, labels_ui, reconstruct_ui, results_ui, segmenter_ui,
-    status_ui, track_ui, welcome_ui,
+    HEAT_HEIGHT, ScenePane, cloud_labels_ui, filmstrip_ui, fuse_ui, heat_ui, jobs_ui, labels_ui, reconstruct_ui,
+    results_ui, segmenter_ui, status_ui, timeline_ui, track_ui, welcome_ui,
 };
 use super::perform::perform;
 use super::textures::Textures;
@@ -76,9 +76,14 @@ impl Shell {
                 top: 6,
                 bottom: 2,
             });
-            Panel::bottom("filmstrip").resizable(false).exact_size(114.0).frame(strip).show(ui, |ui| {
+            Panel::bottom("filmstrip").resizable(false).exact_size(118.0 + HEAT_HEIGHT).frame(strip).show(ui, |ui| {
+                heat_ui(ui, look, &mut self.view);
                 filmstrip_ui(ui, look, &mut self.view, &mut self.textures);
             });
+            if self.view.prefs.timeline && look.project.labels.iter().next().is_some() {
+                let grid = Panel::bottom("timeline").resizable(true).default_size(112.0).size_range(64.0..=400.0);
+                grid.frame(strip).show(ui, |ui| timeline_ui(ui, look, &mut self.view, wishes));
+            }
         }
     }
 
@@ -136,6 +141,7 @@ impl Shell {
             Some(Dialog::Export) => export_ui(ui, look, view, out),
             Some(Dialog::Shortcuts) => sheet_ui(ui, view),
             Some(Dialog::Palette) => palette_ui(ui, look, view, wishes),
+            Some(Dialog::Into(wish)) => into_ui(ui, look, view, wish, out),
             Some(Dialog::Path(wish)) => path_ui(ui, view, wish, out),
             None => {}
         }

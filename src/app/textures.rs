@@ -72,7 +72,7 @@ impl Textures {
         style: &OverlayStyle,
     ) -> TextureHandle {
         if let Some(shown) = &self.mask
-            && Arc::ptr_eq(&shown.runs, runs)
+            && (Arc::ptr_eq(&shown.runs, runs) || shown.runs == *runs)
             && shown.style == *style
             && shown.tree == *tree
         {

@@ -34,6 +34,14 @@ pub struct ViewState {
     pub draft: Draft,
     /// Name of the segmenter to use.
     pub segmenter: String,
+    /// First and last frame that changes of a label go over; none = the shown frame alone.
+    pub range: Option<(usize, usize)>,
+    /// The label and frame whose mask was copied.
+    pub copied: Option<(LabelId, usize)>,
+    /// The masks before the last change are shown.
+    pub compare: bool,
+    /// Where the timeline's drag over frames began.
+    pub range_from: Option<usize>,
     /// Settings of the Track panel.
     pub track: TrackSettings,
     /// Settings of the Reconstruct panel.
@@ -86,7 +94,7 @@ pub enum SceneWish {
 }
 
 /// The dialogs; at most one is open.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Dialog {
     /// A new project.
     NewProject,
@@ -98,8 +106,19 @@ pub enum Dialog {
     Shortcuts,
     /// The palette of actions.
     Palette,
+    /// The label that gets the pixels of a merge or split.
+    Into(IntoWish),
     /// Path of something to open, typed or chosen.
     Path(PathWish),
+}
+
+/// What another label is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum IntoWish {
+    /// The chosen label is merged into it.
+    Merge,
+    /// The piece around this pixel of the shown frame becomes it.
+    Split(glam::DVec2),
 }
 
 /// What a path is asked for.
@@ -142,6 +161,10 @@ impl ViewState {
             zoom: ZoomState::default(),
             draft: Draft::default(),
             segmenter: "auto".into(),
+            range: None,
+            copied: None,
+            compare: false,
+            range_from: None,
             track: TrackSettings::default(),
             reconstruct: ReconstructRequest { method: ReconstructMethod::Auto, every: 1, device: "auto".into() },
             fuse: FuseRequest::default(),
@@ -175,7 +198,10 @@ impl ViewState {
 
     /// Brings frame and label back into what the project has.
     pub fn keep_valid(&mut self, look: &Look<'_>) {
-        self.frame = self.frame.min(look.project.frames.len().saturating_sub(1));
+        let last = look.project.frames.len().saturating_sub(1);
+        self.frame = self.frame.min(last);
+        self.range = self.range.filter(|&(_, to)| to <= last);
+        self.copied = self.copied.filter(|(label, _)| look.project.labels.get(*label).is_some());
         if self.label.is_none_or(|label| look.project.labels.get(label).is_none()) {
             self.label = look.project.labels.iter().next().map(|label| label.id);
         }
@@ -188,6 +214,12 @@ impl ViewState {
         let labels = vec![self.label?];
         let settings = TrackSettings { labels, direction: Direction::Both, ..self.track.clone() };
         settings.around(look.project, self.frame).ok()
+    }
+
+    /// The frames that a change of the chosen label goes over: the range, else the shown frame.
+    #[must_use]
+    pub fn frames_meant(&self) -> (usize, usize) {
+        self.range.unwrap_or((self.frame, self.frame))
     }
 
     /// Shows another frame; half-made drawing on the old one is dropped.

@@ -8,7 +8,7 @@ use super::dialogs::NewProjectForm;
 use super::theme::set_theme;
 use super::{Dialog, Look, Prefs, Severity, Shell};
 use crate::frames::Frame;
-use crate::session::{Command, Engine, Event, Pictures, Project, Recent, Session, engines};
+use crate::session::{Command, Engine, Estimate, Event, Pictures, Project, Recent, Session, engines};
 
 /// Opens the window; `path` is a project, a folder of frames, a film or a labelled PLY to begin with.
 ///
@@ -36,6 +36,8 @@ pub struct Window {
     engines: Vec<Engine>,
     recent: Recent,
     title: String,
+    /// Worked out anew when the project changes.
+    estimate: Option<Estimate>,
 }
 
 const PREFS: &str = "prefs";
@@ -64,6 +66,7 @@ impl Window {
             engines: engines(),
             recent,
             title: String::new(),
+            estimate: None,
         }
     }
 
@@ -96,6 +99,8 @@ impl Window {
     pub fn show(&mut self, ui: &mut egui::Ui) {
         let jobs = self.session.jobs();
         let project = self.session.project().unwrap_or(&self.nothing);
+        let view = &self.shell.view;
+        let before = if view.compare { self.session.mask_before(view.frame) } else { None };
         let look = Look {
             project,
             root: self.session.root(),
@@ -107,6 +112,9 @@ impl Window {
             undo: self.session.undo_title(),
             redo: self.session.redo_title(),
             recent: self.recent.paths(),
+            before: before.as_ref(),
+            interactions: self.session.interactions(),
+            estimate: self.estimate,
         };
         let asked = self.shell.ui(ui, &look);
         let changes = !asked.is_empty();
@@ -139,6 +147,7 @@ impl Window {
     fn take(&mut self, event: Event) {
         match event {
             Event::Opened(path) => {
+                self.estimate = self.session.project().and_then(|project| project.estimate());
                 self.shell.project_changed();
                 self.recent.opened(&path);
             }
@@ -150,7 +159,13 @@ impl Window {
             Event::Stopped { title, .. } => {
                 self.shell.view.note = format!("{title}: stopped; what was finished is kept");
             }
-            Event::Started { .. } | Event::Changed | Event::CloudChanged => {}
+            Event::Paused { frame, label, text, .. } => {
+                self.shell.view.go_to(frame);
+                self.shell.view.label = Some(label);
+                self.shell.view.notices.tell(Severity::Warning, text);
+            }
+            Event::Changed => self.estimate = self.session.project().and_then(|project| project.estimate()),
+            Event::Started { .. } | Event::CloudChanged => {}
         }
     }
 

@@ -33,6 +33,8 @@ pub(super) enum Verb {
     Masks(MasksArgs),
     /// Carry the masks of the anchor frames through the sequence.
     Track(TrackArgs),
+    /// Delete, lock, hide, merge, split, interpolate or copy labels over a range of frames.
+    Range(super::range::RangeArgs),
     /// Make cameras and depths.
     Reconstruct(ReconstructArgs),
     /// Make the labelled cloud by a vote of all views.
@@ -248,6 +250,9 @@ pub(super) struct TrackArgs {
     /// Hold the masks against the anchors' masks carried through geometry.
     #[arg(long)]
     pub constrain: bool,
+    /// End at the first frame on which a label is less sure than this.
+    #[arg(long, value_name = "C", value_parser = values::share)]
+    pub pause_below: Option<f32>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

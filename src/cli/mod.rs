@@ -12,6 +12,7 @@ mod eval;
 mod info;
 mod print;
 mod project;
+mod range;
 mod run;
 mod shot;
 mod sources;

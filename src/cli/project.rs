@@ -62,6 +62,7 @@ pub(super) fn track(args: TrackArgs) -> Result<()> {
         constrain: args.constrain,
         labels: args.label.iter().map(|name| label_id(project, name)).collect::<Result<_>>()?,
         replace: args.replace,
+        pause_below: args.pause_below,
     };
     let settings = match args.around {
         Some(frame) => settings.around(project, frame)?,
@@ -70,7 +71,7 @@ pub(super) fn track(args: TrackArgs) -> Result<()> {
     driver.act_and_save([Command::Track(settings)])
 }
 
-fn label_id(project: &Project, name: &str) -> Result<LabelId> {
+pub(super) fn label_id(project: &Project, name: &str) -> Result<LabelId> {
     let known = &project.labels;
     let label = known.by_name(name).with_context(|| {
         let names: Vec<&str> = known.iter().map(|label| label.name.as_str()).collect();

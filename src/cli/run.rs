@@ -6,7 +6,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches};
 
 use super::args::{Cli, ModelsVerb, Verb};
 use super::drive::{Driver, Interrupted};
-use super::{demo, eval, info, project, shot, sources};
+use super::{demo, eval, info, project, range, shot, sources};
 use crate::session::{Command, Recipe};
 
 /// The program: reads the words, does the job, gives the exit code (0 done, 1 failed, 2 usage, 130 stopped).
@@ -43,6 +43,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Verb::Ground(args) => project::ground(&args),
         Verb::Masks(args) => project::masks(args),
         Verb::Track(args) => project::track(args),
+        Verb::Range(args) => range::range(&args),
         Verb::Reconstruct(args) => project::reconstruct(args),
         Verb::Fuse(args) => project::fuse(args),
         Verb::Export(args) => project::export(args),

@@ -10,6 +10,7 @@ mod decode;
 mod error;
 mod film;
 mod frame;
+mod frame_set;
 mod header;
 mod image;
 mod loader;
@@ -21,6 +22,7 @@ mod turn;
 
 pub use error::FrameError;
 pub use frame::{DepthSource, Frame, FrameCamera, Orientation, PictureSource};
+pub use frame_set::FrameSet;
 pub use image::{DepthMap, Image};
 pub use open::{FrameFolder, OpenRequest, Opened, natural_order, open, open_more};
 pub use relocate::{missing_sources, relocate};

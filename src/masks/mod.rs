@@ -26,7 +26,9 @@ mod seam;
 
 pub use components::{Components, Connectivity, components};
 pub use distance::{deepest_point, squared_depth_in, squared_distance_to};
-pub use edit::{PaintRule, assign, compose, erase, fill_polygons, stroke, taken_by_others, transfer};
+pub use edit::{
+    PaintRule, ShapeBlend, assign, compose, erase, fill_polygons, hold, nearer_part, stroke, taken_by_others, transfer,
+};
 pub use error::MaskError;
 pub use formats::{
     Imported, MaskFormat, MaskFrame, encode_palette_png, export_masks, file_stems, import_masks, read_labels_json,

@@ -141,6 +141,17 @@ impl RunMask {
         })
     }
 
+    /// Fails when the other mask has another size.
+    pub(super) fn check_same_size(&self, other: &Self) -> Result<(), MaskError> {
+        if (self.width, self.height) == (other.width, other.height) {
+            return Ok(());
+        }
+        Err(MaskError::Request(format!(
+            "labels of a mask of {}×{} pixels do not fit a frame of {}×{}; make the mask anew",
+            other.width, other.height, self.width, self.height
+        )))
+    }
+
     /// Intersection over union of every label that is in either mask; [`LabelId::NONE`] is left out.
     #[must_use]
     pub fn ious(&self, other: &Self) -> BTreeMap<LabelId, f64> {

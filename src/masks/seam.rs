@@ -115,6 +115,8 @@ pub struct TrackedFrame {
     pub mask: LabelMask,
     /// Per label in the mask, how sure the tracker is, 0–1.
     pub confidence: BTreeMap<LabelId, f32>,
+    /// A better answer for this frame is still to come.
+    pub preliminary: bool,
 }
 
 /// Carries anchors' masks to the other frames.

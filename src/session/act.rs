@@ -9,6 +9,7 @@ impl Session {
     /// When it cannot be done; nothing has changed then.
     pub fn act(&mut self, command: Command) -> Result<Option<JobId>> {
         let begun = self.begin(&command)?;
+        self.interactions += usize::from(command.is_interaction());
         match begun.and_then(|id| self.jobs.get_mut(id)) {
             Some(job) => job.command = Some(command),
             None => self.record(Some(command)),
@@ -34,6 +35,7 @@ impl Session {
             Command::Paint(request) => self.paint(request).map(|()| None),
             Command::MakeAnchor { frame } => self.make_anchor(*frame).map(|()| None),
             Command::ClearMask { frame } => self.clear_mask(*frame).map(|()| None),
+            Command::Range(request) => self.change_range(request),
             Command::ImportMasks { dir, format } => self.import_masks(dir, format).map(Some),
             Command::ExportMasks { dir, format } => self.export_masks(dir, format).map(Some),
             Command::Track(settings) => self.track(settings).map(Some),

@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use super::{Edit, FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
+use super::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind, ResultRecord};
 use crate::frames::{Frame, FrameCamera};
 use crate::masks::{Label, LabelId, Prompt};
 
@@ -18,6 +18,7 @@ impl Project {
             Edit::SetLabel { id, label } => self.set_label(id, label),
             Edit::SetPrompt { frame, label, prompt } => self.set_prompt(frame, label, prompt),
             Edit::SetMask { frame, mask } => self.set_mask(frame, mask),
+            Edit::SetMarks { label, marks } => self.set_marks(label, marks),
             Edit::SetStale { frames, stale } => Ok(self.set_stale(&frames, stale)),
             Edit::SetCamera { frame, camera } => self.set_camera(frame, camera),
             Edit::AddFrames { frames } => self.add_frames(frames),
@@ -47,7 +48,10 @@ impl Project {
             }
             None => {
                 let name = before.as_ref().map_or("", |label| label.name.as_str());
-                ensure!(!self.is_in_use(id), "label '{name}' is still used by prompts or masks; take these off first");
+                ensure!(
+                    !self.is_in_use(id),
+                    "label '{name}' is still used by prompts, masks or marks; take these off first"
+                );
                 self.labels.remove(id)?;
             }
         }
@@ -55,7 +59,8 @@ impl Project {
     }
 
     fn is_in_use(&self, id: LabelId) -> bool {
-        self.prompts.keys().any(|&(_, label)| label == id)
+        self.marks.contains_key(&id)
+            || self.prompts.keys().any(|&(_, label)| label == id)
             || self.masks.values().any(|mask| mask.runs.runs.iter().any(|&(run, _)| run == id))
     }
 
@@ -75,6 +80,13 @@ impl Project {
             None => self.prompts.remove(&key),
         };
         Ok(Edit::SetPrompt { frame, label, prompt: before })
+    }
+
+    fn set_marks(&mut self, label: LabelId, marks: Marks) -> Result<Edit> {
+        ensure!(self.labels.get(label).is_some(), "there is no label {}; make it first", label.0);
+        marks.last().map_or(Ok(()), |last| self.frame(last).map(drop))?;
+        let before = if marks.is_empty() { self.marks.remove(&label) } else { self.marks.insert(label, marks) };
+        Ok(Edit::SetMarks { label, marks: before.unwrap_or_default() })
     }
 
     fn set_mask(&mut self, frame: usize, mask: Option<FrameMask>) -> Result<Edit> {
@@ -147,8 +159,10 @@ impl Project {
 
     fn drop_frames(&mut self, keep: usize) -> Result<Edit> {
         ensure!(keep <= self.frames.len(), "there are only {} frames", self.frames.len());
-        let used = self.masks.range(keep..).next().is_some() || self.prompts.keys().any(|&(frame, _)| frame >= keep);
-        ensure!(!used, "frames from {keep} on still have masks or prompts; take these off first");
+        let used = self.masks.range(keep..).next().is_some()
+            || self.prompts.keys().any(|&(frame, _)| frame >= keep)
+            || self.marks.values().any(|marks| marks.last().is_some_and(|last| last >= keep));
+        ensure!(!used, "frames from {keep} on still have masks, prompts or marks; take these off first");
         let frames = Arc::make_mut(&mut self.frames).split_off(keep);
         Ok(Edit::AddFrames { frames })
     }

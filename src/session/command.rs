@@ -53,6 +53,8 @@ pub enum Command {
         /// Frame number.
         frame: usize,
     },
+    /// Changes labels over a range of frames.
+    Range(RangeRequest),
     /// Reads masks from files; their frames become anchors.
     ImportMasks {
         /// Folder.
@@ -81,6 +83,15 @@ pub enum Command {
     Redo,
     /// Stops every running job; each keeps what it has.
     Stop,
+}
+
+impl Command {
+    /// Whether it is work by hand on the masks: what a better segmenter or tracker would have saved.
+    #[must_use]
+    pub fn is_interaction(&self) -> bool {
+        use Command as C;
+        matches!(self, C::Prompt(_) | C::Paint(_) | C::Range(_) | C::MakeAnchor { .. } | C::ClearMask { .. })
+    }
 }
 
 /// What to open, as `ostra new` and `ostra add` take it.
@@ -128,6 +139,61 @@ pub struct PaintRequest {
     pub replace: bool,
 }
 
+/// A change of labels over a range of frames.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RangeRequest {
+    /// Which labels; none = all.
+    pub labels: Vec<LabelId>,
+    /// First frame.
+    pub from: usize,
+    /// Last frame (included).
+    pub to: usize,
+    /// What is done.
+    pub change: RangeChange,
+    /// Copied and interpolated labels are written over others too.
+    #[serde(default)]
+    pub replace: bool,
+}
+
+/// What can be done to labels over a range of frames.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RangeChange {
+    /// They are not there: pixels and prompts go, and no tracker brings them back.
+    Delete,
+    /// They may be there again; trackers find them.
+    Restore,
+    /// Their pixels stay as they are, whoever tracks, clicks or paints.
+    Lock,
+    /// No longer so.
+    Unlock,
+    /// Kept, but neither drawn, voted nor exported.
+    Hide,
+    /// No longer so.
+    Show,
+    /// Their pixels and clicks become another label's.
+    Merge {
+        /// That label.
+        into: LabelId,
+    },
+    /// One piece of the label becomes another label; on the other frames what lies nearer to it than to the rest.
+    Split {
+        /// Where the piece is pointed at.
+        frame: usize,
+        /// A pixel of the piece.
+        at_px: DVec2,
+        /// The piece's label.
+        into: LabelId,
+    },
+    /// Between the first and the last frame of the range, shapes lie between theirs.
+    Interpolate,
+    /// As on another frame; the frames become anchors.
+    Copy {
+        /// That frame.
+        frame: usize,
+    },
+}
+
 /// How to track.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrackSettings {
@@ -151,6 +217,9 @@ pub struct TrackSettings {
     /// The chosen labels are written over others too.
     #[serde(default)]
     pub replace: bool,
+    /// The run ends at the first frame on which it is less sure of a label than this, 0–1; none = it goes on.
+    #[serde(default)]
+    pub pause_below: Option<f32>,
 }
 
 impl Default for TrackSettings {
@@ -164,6 +233,7 @@ impl Default for TrackSettings {
             constrain: false,
             labels: Vec::new(),
             replace: false,
+            pause_below: None,
         }
     }
 }

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::{FrameMask, ResultKind, ResultRecord};
+use super::{FrameMask, Marks, ResultKind, ResultRecord};
 use crate::frames::{Frame, FrameCamera};
 use crate::masks::{Label, LabelId, Prompt};
 
@@ -39,6 +39,13 @@ pub enum Edit {
         /// `true` = stale.
         stale: bool,
     },
+    /// Sets what the user said of a label over ranges of frames.
+    SetMarks {
+        /// Of which label.
+        label: LabelId,
+        /// Empty = nothing was said.
+        marks: Marks,
+    },
     /// Sets a frame's camera.
     SetCamera {
         /// Frame number.
@@ -70,4 +77,15 @@ pub enum Edit {
         /// `None` = there is none.
         record: Option<ResultRecord>,
     },
+}
+
+impl Edit {
+    /// The frame whose mask it sets or takes out.
+    #[must_use]
+    pub fn masked_frame(&self) -> Option<usize> {
+        match self {
+            Self::SetMask { frame, .. } => Some(*frame),
+            _ => None,
+        }
+    }
 }

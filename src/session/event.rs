@@ -2,6 +2,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::engine::job::ProgressReport;
+use crate::masks::LabelId;
 
 /// Names a job of a session; never used twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -39,6 +40,17 @@ pub enum Event {
         job: JobId,
         /// What it was.
         title: String,
+    },
+    /// A tracking run ended by itself because it was not sure; what it had finished is kept.
+    Paused {
+        /// Which.
+        job: JobId,
+        /// The frame to look at.
+        frame: usize,
+        /// The label it was least sure of.
+        label: LabelId,
+        /// One line: what, where, what to do.
+        text: String,
     },
     /// A project was made or opened.
     Opened(PathBuf),

@@ -3,6 +3,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::Edit;
+use crate::masks::RunMask;
 
 /// An edit with the one that takes it back.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,6 +28,22 @@ pub struct Step {
 pub struct History {
     done: Vec<Arc<Step>>,
     undone: Vec<Arc<Step>>,
+}
+
+impl Change {
+    /// The pixels of a frame's mask before the change, where it changes them.
+    fn pixels_before(&self, frame: usize) -> Option<Arc<RunMask>> {
+        let runs = |edit: &Edit| match edit {
+            Edit::SetMask { frame: of, mask } if *of == frame => Some(mask.as_ref().map(|mask| Arc::clone(&mask.runs))),
+            _ => None,
+        };
+        let (after, before) = (runs(&self.edit)?, runs(&self.inverse)?);
+        if before == after {
+            return None;
+        }
+        let empty = |runs: Arc<RunMask>| Arc::new(RunMask::empty(runs.width, runs.height));
+        before.or_else(|| after.map(empty))
+    }
 }
 
 impl Step {
@@ -85,6 +102,13 @@ impl History {
     #[must_use]
     pub fn next(&self) -> Option<&Arc<Step>> {
         self.undone.last()
+    }
+
+    /// The pixels of a frame's mask before the last step that changed them; empty where the frame had no mask then.
+    #[must_use]
+    pub fn mask_before(&self, frame: usize) -> Option<Arc<RunMask>> {
+        let before = |step: &Arc<Step>| step.changes.iter().find_map(|change| change.pixels_before(frame));
+        self.done.iter().rev().find_map(before)
     }
 
     /// All steps, oldest first, and how many of the last are taken back.

@@ -11,10 +11,12 @@ mod commands;
 pub mod demo;
 mod edit;
 mod engines;
+mod estimate;
 pub mod evaluate;
 mod event;
 mod history;
 mod jobs;
+mod marks;
 mod open_project;
 mod pictures;
 mod prepared;
@@ -28,13 +30,15 @@ pub mod store;
 mod tests;
 
 pub use command::{
-    Command, ExportRequest, FuseRequest, NewProject, PaintRequest, PromptRequest, Recipe, ReconstructMethod,
-    ReconstructRequest, TrackSettings,
+    Command, ExportRequest, FuseRequest, NewProject, PaintRequest, PromptRequest, RangeChange, RangeRequest, Recipe,
+    ReconstructMethod, ReconstructRequest, TrackSettings,
 };
 pub use edit::Edit;
 pub use engines::{Engine, EngineKind, engines};
+pub use estimate::Estimate;
 pub use event::{Event, JobId, JobView};
 pub use history::{Change, History, Step};
+pub use marks::Marks;
 pub use open_project::OpenProject;
 pub use pictures::Pictures;
 pub use project::{FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};

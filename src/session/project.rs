@@ -3,6 +3,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::Marks;
 use crate::frames::Frame;
 use crate::masks::{LabelId, LabelTree, Prompt, RunMask};
 
@@ -15,6 +16,8 @@ pub struct Project {
     pub labels: LabelTree,
     /// What the user gave, by frame number and label.
     pub prompts: BTreeMap<(usize, LabelId), Prompt>,
+    /// What the user said of labels over ranges of frames; none is empty.
+    pub marks: BTreeMap<LabelId, Marks>,
     /// One mask per frame that has any.
     pub masks: BTreeMap<usize, FrameMask>,
     /// What was made from all that, and from which state.

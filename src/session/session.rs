@@ -11,6 +11,7 @@ use super::jobs::{Job, Jobs, Kind, Landing};
 use super::prepared::PreparedFrames;
 use super::{Command, Edit, Event, JobId, JobView, OpenProject, Project, Recipe};
 use crate::frames::FrameStore;
+use crate::masks::RunMask;
 
 /// Bytes of decoded pictures and depths kept.
 const PIXEL_BYTES: usize = 256 << 20;
@@ -37,6 +38,7 @@ pub struct Session {
     pub(super) preparing: Option<String>,
     /// Which segmenter `auto` was last said to be.
     pub(super) told_segmenter: Option<&'static str>,
+    pub(super) interactions: usize,
 }
 
 /// The job that writes a checkpoint while work goes on.
@@ -64,6 +66,7 @@ impl Session {
             prepared: Arc::new(PreparedFrames::new(PREPARED_BYTES)),
             preparing: None,
             told_segmenter: None,
+            interactions: 0,
         }
     }
 
@@ -95,6 +98,18 @@ impl Session {
     #[must_use]
     pub fn recipe(&self) -> &Recipe {
         &self.recipe
+    }
+
+    /// How often the user clicked, boxed, painted or corrected since the session began; what was undone counts.
+    #[must_use]
+    pub fn interactions(&self) -> usize {
+        self.interactions
+    }
+
+    /// The pixels of a frame's mask before the last step that changed them; `None` when no step known did.
+    #[must_use]
+    pub fn mask_before(&self, frame: usize) -> Option<Arc<RunMask>> {
+        self.open.as_ref()?.history().mask_before(frame)
     }
 
     /// What [`Command::Undo`] would take back.
@@ -261,7 +276,7 @@ impl Session {
             self.track.take_if(|run| run.is_of(job.id));
             return;
         }
-        let stopped = job.is_stopped();
+        let (stopped, paused) = (job.is_stopped(), self.paused(job.id));
         let saved = self.end_track(job.id);
         let failure = job.failure.take().or(saved.err());
         let failed = failure.is_some();
@@ -275,7 +290,7 @@ impl Session {
                 self.record(job.command);
                 Event::Finished { job: id, title }
             }
-            Err(_) if stopped && !failed => Event::Stopped { job: id, title },
+            Err(_) if stopped && !failed => paused.unwrap_or(Event::Stopped { job: id, title }),
             Err(error) => Event::Failed { job: id, title, error: format!("{error:#}") },
         };
         match (job.kind, event) {

@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
-use super::{Edit, FrameMask, MaskOrigin, Project, ResultKind};
+use super::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind};
 use crate::frames::{Frame, FrameCamera};
-use crate::masks::Label;
+use crate::masks::{Label, LabelId};
 
 impl Project {
     /// The edits that mark stale what was made from what `edit` is about to change, to be applied in the same step
@@ -11,6 +11,7 @@ impl Project {
     pub fn consequences(&self, edit: &Edit) -> Vec<Edit> {
         match edit {
             Edit::SetMask { frame, mask } => self.after_mask(*frame, mask.as_ref()),
+            Edit::SetMarks { label, marks } => self.after_marks(*label, marks),
             Edit::SetLabel { id, label } => self.after_label(self.labels.get(*id), label.as_ref()),
             Edit::SetCamera { frame, camera } => self.after_camera(*frame, camera.as_ref()),
             Edit::SetFrame { frame, value } => self.after_frame(*frame, value),
@@ -55,6 +56,12 @@ impl Project {
         }
         edits.extend(self.stale_result(ResultKind::Cloud));
         edits
+    }
+
+    /// What is hidden does not vote.
+    fn after_marks(&self, label: LabelId, marks: &Marks) -> Vec<Edit> {
+        let changed = self.marks_of(label).hidden != marks.hidden;
+        if changed { self.stale_result(ResultKind::Cloud).into_iter().collect() } else { Vec::new() }
     }
 
     /// A cloud holds names and parents of labels; a colour is read when it is drawn.

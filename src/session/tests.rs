@@ -3,4 +3,5 @@ mod folder;
 mod jobs;
 pub mod making;
 mod masks;
+mod ranges;
 mod steps;

@@ -30,6 +30,7 @@ pub struct Desk {
     pub engines: Vec<Engine>,
     pub undo: Option<String>,
     pub recent: Vec<PathBuf>,
+    pub before: Option<Arc<RunMask>>,
     pub asked: Vec<Command>,
 }
 
@@ -47,6 +48,7 @@ impl Desk {
             engines: engines(),
             undo: None,
             recent: Vec::new(),
+            before: None,
             asked: Vec::new(),
         }
     }
@@ -74,6 +76,9 @@ impl Desk {
             undo: self.undo.as_deref(),
             redo: None,
             recent: &self.recent,
+            before: self.before.as_ref(),
+            interactions: 3,
+            estimate: self.project.estimate(),
         };
         self.asked.extend(self.shell.ui(ui, &look));
     }

@@ -19,3 +19,4 @@ mod keys;
 mod panels;
 #[cfg(test)]
 mod story;
+mod timeline;

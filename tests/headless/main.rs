@@ -27,6 +27,7 @@ mod fuse;
 #[cfg(test)]
 mod masks;
 #[cfg(test)]
+mod ranges;
 mod session;
 #[cfg(test)]
 mod shared;

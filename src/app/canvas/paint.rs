@@ -35,6 +35,16 @@ pub(super) fn prompts_and_draft(
     polygon(painter, map, &view.draft.polygon, pointer, color);
 }
 
+/// A line of text over the upper edge of the pane.
+pub(super) fn banner(painter: &Painter, map: &CanvasMap, text: &str) {
+    let font = egui::FontId::proportional(13.0);
+    let galley = painter.layout_no_wrap(text.into(), font, Color32::WHITE);
+    let at = map.pane.center_top() + Vec2::new(-galley.size().x / 2.0, 10.0);
+    let back = Rect::from_min_size(at, galley.size()).expand2(Vec2::new(8.0, 4.0));
+    painter.rect_filled(back, 4.0, Color32::from_black_alpha(190));
+    painter.galley(at, galley, Color32::WHITE);
+}
+
 /// The brush as a circle around the pointer.
 pub(super) fn brush_circle(painter: &Painter, map: &CanvasMap, view: &ViewState, pointer: Pos2) {
     if matches!(view.tool, Tool::Brush | Tool::Eraser) {

@@ -44,12 +44,16 @@ fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map
         Some(image) => paint::texture(&painter, map, textures.picture(ui.ctx(), &image).id()),
         None => placeholder(ui, look, view, map),
     }
+    let before = look.before.filter(|_| view.compare).cloned();
+    if view.compare {
+        paint::banner(&painter, map, if before.is_some() { "Before the last change" } else { "Nothing changed here" });
+    }
     if view.masks_shown
-        && let Some(mask) = look.project.masks.get(&view.frame)
+        && let Some(runs) = before.or_else(|| look.project.mask_in_play(view.frame))
     {
         let prefs = &view.prefs;
         let style = OverlayStyle { opacity: prefs.opacity, outlines: prefs.outlines, hidden: view.hidden.clone() };
-        let texture = textures.mask(ui.ctx(), &mask.runs, &look.project.labels, &style);
+        let texture = textures.mask(ui.ctx(), &runs, &look.project.labels, &style);
         paint::texture(&painter, map, texture.id());
     }
     let pointer = view.pointer_px.map(|at| map.to_screen(at));

@@ -1,6 +1,7 @@
 //! Dialogs: one file each; at most one is open.
 
 mod export;
+mod into;
 mod new_project;
 mod palette;
 mod path;
@@ -14,6 +15,7 @@ pub use picker::PathPicker;
 pub use sheet::SheetState;
 
 pub(super) use export::export_ui;
+pub(super) use into::into_ui;
 pub(super) use new_project::new_project_ui;
 pub(super) use palette::palette_ui;
 pub(super) use path::path_ui;

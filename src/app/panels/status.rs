@@ -16,6 +16,7 @@ pub(in crate::app) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) 
             pointer_ui(ui, look, view);
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            work_ui(ui, look);
             if let Some(cloud) = look.cloud {
                 ui.weak(format!("{} points", grouped(cloud.len())));
             }
@@ -27,6 +28,20 @@ pub(in crate::app) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) 
             }
         });
     });
+}
+
+/// How much was done by hand, and how good the masks probably are.
+fn work_ui(ui: &mut Ui, look: &Look<'_>) {
+    let Some(estimate) = look.estimate else { return };
+    let (count, percent) = (look.interactions, estimate.accuracy * 100.0);
+    let noun = if count == 1 { "interaction" } else { "interactions" };
+    let tip = format!(
+        "Clicks, boxes, strokes and corrections since the project was opened, those undone too; \
+         the estimate is the mean of the tracker's own confidence over labels on {} frames with masks (an anchor counts as right)",
+        estimate.frames
+    );
+    ui.label(format!("{count} {noun}, about {percent:.0} % right")).on_hover_text(tip);
+    ui.separator();
 }
 
 fn pointer_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) {

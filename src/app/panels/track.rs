@@ -21,6 +21,7 @@ pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
     });
     let tip = "Holds the masks against the anchors' masks carried through geometry (needs depth and cameras)";
     ui.checkbox(&mut view.track.constrain, "Constrain by geometry").on_hover_text(tip);
+    pause_ui(ui, &mut view.track.pause_below);
     let anchors = look.project.masks.values().filter(|mask| mask.origin == MaskOrigin::Anchor).count();
     ui.horizontal(|ui| {
         run_button_ui(ui, look, view, (Action::Track, "Track"), anchors > 0, wishes);
@@ -37,6 +38,23 @@ pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
             .on_hover_text("Anchors are frames you clicked, painted or accepted; trackers never overwrite them");
     });
     retrack_ui(ui, look, view, wishes);
+}
+
+/// Whether, and at which confidence, tracking ends by itself and asks.
+fn pause_ui(ui: &mut Ui, pause_below: &mut Option<f32>) {
+    ui.horizontal(|ui| {
+        let mut on = pause_below.is_some();
+        let tip = "Tracking ends at the first frame on which it is less sure of a label than this, and shows it";
+        if ui.checkbox(&mut on, "Pause below").on_hover_text(tip).changed() {
+            *pause_below = on.then_some(0.4);
+        }
+        let mut percent = pause_below.unwrap_or(0.4) * 100.0;
+        let drag = DragValue::new(&mut percent).range(1.0..=99.0).speed(0.3).max_decimals(0).suffix(" % sure");
+        let drag = ui.add_enabled(on, drag).on_hover_text(tip).accessible_name("Pause below confidence");
+        if drag.changed() {
+            *pause_below = Some(percent / 100.0);
+        }
+    });
 }
 
 /// One label carried anew after a correction.

@@ -5,14 +5,20 @@
 mod assign;
 mod brush;
 mod compose;
+mod hold;
+mod interpolate;
 mod polygon;
+mod split;
 mod transfer;
 
 pub use assign::{PaintRule, assign, erase};
 pub use brush::stroke;
 pub use compose::{compose, taken_by_others};
+pub use hold::hold;
+pub use interpolate::ShapeBlend;
 pub use polygon::fill_polygons;
 pub(super) use polygon::polygon_spans;
+pub use split::nearer_part;
 pub use transfer::transfer;
 
 #[cfg(test)]

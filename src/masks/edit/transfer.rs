@@ -14,12 +14,7 @@ pub fn transfer(
     labels: &BTreeSet<LabelId>,
     replace: bool,
 ) -> Result<RunMask, MaskError> {
-    if (mask.width, mask.height) != (source.width, source.height) {
-        return Err(MaskError::Request(format!(
-            "labels of a mask of {}×{} pixels do not fit a frame of {}×{}; make the mask anew",
-            source.width, source.height, mask.width, mask.height
-        )));
-    }
+    mask.check_same_size(source)?;
     let moved = |(at, found, length): (LabelId, LabelId, u32)| {
         let free = at == LabelId::NONE || labels.contains(&at);
         let id = match (labels.contains(&found), free) {

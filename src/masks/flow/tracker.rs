@@ -70,7 +70,7 @@ impl Run<'_> {
             kept.resize_with(gap.to - gap.from + 1, || None);
             self.walk(anchor, gap.after, gap.to, size, &mut |run, frame, walked| {
                 if frame >= gap.from {
-                    run.hand_on(frame, &walked);
+                    run.hand_on(frame, &walked, gap.after.is_some());
                     if gap.after.is_none() {
                         return;
                     }
@@ -86,11 +86,11 @@ impl Run<'_> {
                 }
                 let first = kept.get_mut(frame - gap.from).and_then(Option::take);
                 match first.zip(gap.before) {
-                    None => run.hand_on(frame, &walked),
+                    None => run.hand_on(frame, &walked, false),
                     Some((first, before)) => {
                         let first = WalkedFrame { mask: first.runs.decode(), confidence: first.confidence };
                         let nearness = (anchor - frame) as f32 / (anchor - before) as f32;
-                        run.hand_on(frame, &merged(&first, &walked, nearness));
+                        run.hand_on(frame, &merged(&first, &walked, nearness), false);
                     }
                 }
             })?;
@@ -145,12 +145,12 @@ impl Run<'_> {
         Ok(Change::new(picture, load(self.request, next, size)?))
     }
 
-    fn hand_on(&mut self, frame: usize, walked: &WalkedFrame) {
+    fn hand_on(&mut self, frame: usize, walked: &WalkedFrame, preliminary: bool) {
         let of = &self.request.frames[frame];
         let mask = enlarged_mask(&walked.mask, of.width, of.height);
         let shown = |id: &LabelId| walked.mask.ids.contains(id);
         let confidence = walked.confidence.iter().filter(|(id, _)| shown(id)).map(|(&id, &sure)| (id, sure)).collect();
-        (self.emit)(TrackedFrame { frame, mask, confidence });
+        (self.emit)(TrackedFrame { frame, mask, confidence, preliminary });
     }
 }
 

@@ -114,7 +114,7 @@ impl<'a> Run<'a> {
         let (mask, confidence) = decide(&votes, &target, &image, self.options, self.progress)?;
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         self.progress.step(done, self.targets.len())?;
-        Ok(TrackedFrame { frame, mask, confidence })
+        Ok(TrackedFrame { frame, mask, confidence, preliminary: false })
     }
 }
 

@@ -37,6 +37,7 @@ impl LabelChoice {
             Some(labels) => self.chosen_part(labels, before, &answer)?,
             None => answer,
         };
+        let mask = project.within_marks(frame, mask);
         let known = |id| id == LabelId::NONE || project.labels.get(id).is_some();
         let known = mask.runs.runs.iter().all(|&(id, _)| known(id));
         known.then_some(Edit::SetMask { frame, mask: Some(mask) })

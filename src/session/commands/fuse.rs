@@ -53,7 +53,7 @@ impl Session {
 }
 
 fn make(store: &FrameStore, project: &Project, request: &FuseRequest, progress: &Progress) -> Result<Fused> {
-    let masks = |frame: usize| project.masks.get(&frame).map(|mask| Arc::new(mask.runs.decode()));
+    let masks = |frame: usize| project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
     let views = ProjectViews { frames: &project.frames, store, masks: &masks };
     let min_confidence = request.min_confidence.unwrap_or(0.0);
     let Some(onto) = &request.onto else {
@@ -74,9 +74,7 @@ fn make(store: &FrameStore, project: &Project, request: &FuseRequest, progress: 
 
 /// Whether what a cloud is made of is no longer what it was.
 fn has_changed(before: &Project, now: &Project) -> bool {
-    let runs = |project: &Project| -> Vec<_> {
-        project.masks.iter().map(|(&frame, mask)| (frame, Arc::clone(&mask.runs))).collect()
-    };
+    let runs = |project: &Project| -> Vec<_> { project.masks_in_play().collect() };
     let same_name = |label: &Label| {
         let now = now.labels.get(label.id);
         now.is_some_and(|now| (&now.name, now.parent) == (&label.name, label.parent))

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 
 use crate::masks::{Label, LabelId, LabelTree};
-use crate::session::{Edit, FrameMask, Project, Session};
+use crate::session::{Edit, FrameMask, Marks, Project, Session};
 
 impl Session {
     pub(in crate::session) fn add_label(
@@ -41,6 +41,7 @@ impl Session {
             prompt: None,
         }));
         edits.extend(masks_without(&project, id));
+        edits.push(Edit::SetMarks { label: id, marks: Marks::default() });
         edits.push(Edit::SetLabel { id, label: None });
         self.commit(&format!("Remove label {name}"), edits)
     }

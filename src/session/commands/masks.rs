@@ -1,4 +1,3 @@
-use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -6,7 +5,7 @@ use anyhow::{Result, ensure};
 
 use super::paint::anchor_of;
 use crate::engine::job::Progress;
-use crate::masks::{Imported, MaskFormat, MaskFrame, export_masks, file_stems, import_masks};
+use crate::masks::{Imported, MaskFormat, MaskFrame, RunMask, export_masks, file_stems, import_masks};
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{Edit, JobId, Project, Session};
 
@@ -25,8 +24,11 @@ impl Session {
         let Imported { masks, new_labels, warnings } = imported;
         let title = format!("Import {} masks", masks.len());
         let labels = new_labels.into_iter().map(|label| Edit::SetLabel { id: label.id, label: Some(label) });
-        let masks =
-            masks.into_iter().map(|(frame, runs)| Edit::SetMask { frame, mask: Some(anchor_of(Arc::new(runs))) });
+        let project = self.snapshot()?;
+        let masks = masks.into_iter().map(|(frame, runs)| {
+            let runs = project.with_locks(frame, Arc::new(runs));
+            Edit::SetMask { frame, mask: Some(anchor_of(runs)) }
+        });
         self.commit(&title, labels.chain(masks).collect())?;
         self.warn_all(warnings);
         Ok(())
@@ -51,11 +53,11 @@ pub fn write(
     level: Option<usize>,
     progress: &Progress,
 ) -> Result<()> {
-    let at_level = |runs| match level {
-        Some(level) => Cow::Owned(crate::masks::RunMask::at_level(runs, &project.labels, level)),
-        None => Cow::Borrowed(runs),
+    let at_level = |runs: Arc<RunMask>| match level {
+        Some(level) => Arc::new(runs.at_level(&project.labels, level)),
+        None => runs,
     };
-    let masks = project.masks.iter().map(|(&frame, mask)| (frame, at_level(mask.runs.as_ref())));
+    let masks = project.masks_in_play().map(|(frame, runs)| (frame, at_level(runs)));
     Ok(export_masks(folder, format, &mask_frames(project), masks, &project.labels, progress)?)
 }
 

@@ -2,6 +2,7 @@
 //!
 //! May use: what `session` may. Must not touch: the folder on disk but through `OpenProject`.
 
+mod blend;
 mod choice;
 mod depths;
 mod export;
@@ -12,14 +13,18 @@ mod masks;
 mod open;
 mod paint;
 mod prompt;
+mod range;
 mod reconstruct;
 mod relocate;
+mod split;
 mod track;
 mod traits;
 mod undo;
 
 pub(super) use choice::LabelChoice;
 use folders::make_folder_of;
+#[cfg(test)]
+pub(super) use paint::by_hand;
 pub(super) use paint::{anchor, mask_of};
 pub(super) use prompt::{answer, with_answer};
 pub(super) use track::{TrackRun, carried, track_request};

@@ -1,15 +1,16 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 
-use crate::masks::{LabelMask, PaintRule, Region, RunMask, assign, erase, fill_polygons, stroke};
+use crate::masks::{LabelId, LabelMask, PaintRule, Region, RunMask, assign, erase, fill_polygons, stroke};
 use crate::session::{Edit, FrameMask, MaskOrigin, PaintRequest, Project, Session};
 
 impl Session {
     pub(in crate::session) fn paint(&mut self, request: &PaintRequest) -> Result<()> {
         let project = self.snapshot()?;
         let name = label_name(&project, request.label)?;
+        check_unlocked(&project, request.frame, request.label)?;
         let mut mask = mask_of(&project, request.frame)?;
         let region = painted(&mask, request)?;
         if request.erase {
@@ -19,8 +20,8 @@ impl Session {
             assign(&mut mask, &region, request.label, rule, &project.labels)?;
         }
         let verb = if request.erase { "Erase" } else { "Paint" };
-        let edit = Edit::SetMask { frame: request.frame, mask: Some(anchor(&mask)) };
-        self.commit(&format!("{verb} {name} on frame {}", request.frame), vec![edit])
+        let edits = by_hand(&project, request.frame, &mask);
+        self.commit(&format!("{verb} {name} on frame {}", request.frame), edits)
     }
 
     pub(in crate::session) fn make_anchor(&mut self, frame: usize) -> Result<()> {
@@ -38,12 +39,35 @@ impl Session {
     pub(in crate::session) fn clear_mask(&mut self, frame: usize) -> Result<()> {
         let project = self.snapshot()?;
         project.frame(frame)?;
+        project.locked_on(frame).into_iter().try_for_each(|label| check_unlocked(&project, frame, label))?;
         let prompts = project.prompts.keys().filter(|(of, _)| *of == frame);
         let mut edits: Vec<Edit> =
             prompts.map(|&(frame, label)| Edit::SetPrompt { frame, label, prompt: None }).collect();
         edits.push(Edit::SetMask { frame, mask: None });
         self.commit(&format!("Clear frame {frame}"), edits)
     }
+}
+
+/// The edits that give a frame the mask that the user made there: it becomes an anchor, locked labels stay as they are,
+/// and a label that the mask shows is there again.
+pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
+    let runs = project.with_locks(frame, Arc::new(RunMask::encode(mask)));
+    let shown = |label: &LabelId| runs.runs.iter().any(|(id, _)| id == label);
+    let there = project.absent_on(frame).into_iter().filter(shown).map(|label| {
+        let mut marks = project.marks_of(label);
+        marks.absent.remove(frame, frame);
+        Edit::SetMarks { label, marks }
+    });
+    let mut edits: Vec<Edit> = there.collect();
+    edits.push(Edit::SetMask { frame, mask: Some(anchor_of(runs)) });
+    edits
+}
+
+/// Fails when the label is locked on the frame.
+pub fn check_unlocked(project: &Project, frame: usize, label: LabelId) -> Result<()> {
+    let locked = project.locked_on(frame).contains(&label);
+    ensure!(!locked, "label '{}' is locked on frame {frame}; unlock it there first", label_name(project, label)?);
+    Ok(())
 }
 
 fn painted(mask: &LabelMask, request: &PaintRequest) -> Result<Region> {
@@ -63,7 +87,7 @@ pub fn mask_of(project: &Project, frame: usize) -> Result<LabelMask> {
 }
 
 /// The name of a label that must be there.
-pub fn label_name(project: &Project, id: crate::masks::LabelId) -> Result<&str> {
+pub fn label_name(project: &Project, id: LabelId) -> Result<&str> {
     let label = project.labels.get(id).with_context(|| format!("there is no label {}; make it first", id.0))?;
     Ok(&label.name)
 }

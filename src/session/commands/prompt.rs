@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 
-use super::paint::{anchor, label_name, mask_of};
+use super::paint::{anchor, by_hand, check_unlocked, label_name, mask_of};
 use crate::masks::{
     Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, landmarks,
     taken_by_others,
@@ -14,7 +14,7 @@ impl Session {
     pub(in crate::session) fn prompt(&mut self, request: &PromptRequest) -> Result<Option<JobId>> {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
-        label_name(&project, request.label)?;
+        check_unlocked(&project, request.frame, request.label)?;
         if request.prompt.is_empty() {
             self.supersede(request);
             return self.take_off(&project, request.frame, request.label).map(|()| None);
@@ -65,10 +65,8 @@ impl Session {
         let PromptRequest { frame, label, prompt, .. } = request;
         let mask = with_answer(&project, request, region)?;
         let title = format!("Prompt {} on frame {frame}", label_name(&project, *label)?);
-        let edits = vec![
-            Edit::SetPrompt { frame: *frame, label: *label, prompt: Some(prompt.clone()) },
-            Edit::SetMask { frame: *frame, mask: Some(anchor(&mask)) },
-        ];
+        let mut edits = vec![Edit::SetPrompt { frame: *frame, label: *label, prompt: Some(prompt.clone()) }];
+        edits.extend(by_hand(&project, *frame, &mask));
         self.commit(&title, edits)
     }
 

@@ -7,7 +7,7 @@ use anyhow::{Result, bail, ensure};
 use super::choice::LabelChoice;
 use super::paint::label_name;
 use crate::frames::FrameStore;
-use crate::masks::{RunMask, TrackRequest, TrackedFrame};
+use crate::masks::{LabelId, RunMask, TrackRequest, TrackedFrame};
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{
     Edit, Event, FrameMask, JobId, MaskOrigin, Project, ResultKind, ResultRecord, Session, TrackSettings, engines,
@@ -31,6 +31,17 @@ pub(in crate::session) struct TrackRun {
     done: BTreeSet<usize>,
     waiting: Vec<(usize, FrameMask)>,
     saved: Instant,
+    /// Confidence below which it ends by itself.
+    pause_below: Option<f32>,
+    doubt: Option<Doubt>,
+}
+
+/// The frame at which a run ended by itself, and the label it was least sure of.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::session) struct Doubt {
+    frame: usize,
+    label: LabelId,
+    sure: f32,
 }
 
 impl Session {
@@ -46,9 +57,10 @@ impl Session {
         let job = self.start("Track", Kind::Long, move |link| {
             link.progress.stage("track")?;
             let mut emit = |tracked: TrackedFrame| {
+                let preliminary = tracked.preliminary;
                 let (frame, mask) = carried(tracked);
                 // Where nobody takes it any more, the tracker notices the stop by itself.
-                let _ = link.send(move |session| session.gather(frame, mask));
+                let _ = link.send(move |session| session.gather(frame, mask, preliminary));
             };
             let warnings = tracker.track(&request, &mut emit, &link.progress)?;
             Ok(Box::new(move |session: &mut Self| {
@@ -68,16 +80,34 @@ impl Session {
             done: BTreeSet::new(),
             waiting: Vec::new(),
             saved: Instant::now(),
+            pause_below: settings.pause_below,
+            doubt: None,
         });
         Ok(job)
     }
 
-    fn gather(&mut self, frame: usize, mask: FrameMask) -> Result<()> {
-        if let Some(run) = &mut self.track {
+    fn gather(&mut self, frame: usize, mask: FrameMask, preliminary: bool) -> Result<()> {
+        if let Some(run) = self.track.as_mut().filter(|run| run.doubt.is_none()) {
+            run.doubt = if preliminary { None } else { run.doubts(frame, &mask) };
             run.done.insert(frame);
             run.waiting.push((frame, mask));
+            if run.doubt.is_some() {
+                let job = run.job;
+                self.stop(job);
+            }
         }
         self.save_tracked(false)
+    }
+
+    /// What is told of a run that ended by itself.
+    pub(in crate::session) fn paused(&self, job: JobId) -> Option<Event> {
+        let Doubt { frame, label, sure } = self.track.as_ref().filter(|run| run.is_of(job))?.doubt?;
+        let name = label_name(self.project()?, label).ok()?;
+        let text = format!(
+            "tracking paused at frame {frame}: '{name}' is {:.0} % sure; correct the frame or make it an anchor, then track on from there",
+            sure * 100.0
+        );
+        Some(Event::Paused { job, frame, label, text })
     }
 
     /// Makes the gathered frames part of the run's step: from time to time, and `at_end` the rest.
@@ -97,7 +127,7 @@ impl Session {
         let marked = |mask: FrameMask| FrameMask { stale: outdated, ..mask };
         let edits = waiting.into_iter().filter_map(|(frame, mask)| choice.edit(&now, frame, marked(mask)));
         let mut edits: Vec<Edit> = edits.collect();
-        let fresh: BTreeSet<usize> = edits.iter().filter_map(frame_of).collect();
+        let fresh: BTreeSet<usize> = edits.iter().filter_map(Edit::masked_frame).collect();
         let old = now.masks.iter().any(|(frame, mask)| mask.stale && !fresh.contains(frame));
         record.stale = outdated || old;
         edits.push(Edit::SetResult { kind: ResultKind::Tracking, record: Some(record) });
@@ -122,6 +152,14 @@ impl TrackRun {
     /// Whether this is the run of that job.
     pub(in crate::session) fn is_of(&self, job: JobId) -> bool {
         self.job == job
+    }
+
+    /// The label of a frame that the run is least sure of, where that is not sure enough.
+    fn doubts(&self, frame: usize, mask: &FrameMask) -> Option<Doubt> {
+        let is_meant = |label: &LabelId| self.choice.labels().is_none_or(|labels| labels.contains(label));
+        let meant = mask.confidence.iter().filter(|(label, _)| is_meant(label));
+        let (&label, &sure) = meant.min_by(|a, b| a.1.total_cmp(b.1))?;
+        (sure < self.pause_below?).then_some(Doubt { frame, label, sure })
     }
 
     fn record(&self) -> ResultRecord {
@@ -156,16 +194,9 @@ pub fn track_request(project: &Project, store: &Arc<FrameStore>, settings: &Trac
 
 /// A tracker's answer as a project holds it.
 pub fn carried(tracked: TrackedFrame) -> (usize, FrameMask) {
-    let TrackedFrame { frame, mask, confidence } = tracked;
+    let TrackedFrame { frame, mask, confidence, .. } = tracked;
     let runs = Arc::new(RunMask::encode(&mask));
     (frame, FrameMask { runs, origin: MaskOrigin::Tracked, stale: false, confidence })
-}
-
-fn frame_of(edit: &Edit) -> Option<usize> {
-    match edit {
-        Edit::SetMask { frame, .. } => Some(*frame),
-        _ => None,
-    }
 }
 
 /// Whether the anchors are no longer those that a run was given.
@@ -189,6 +220,7 @@ fn describe(settings: &TrackSettings, only: &str) -> String {
     words.extend(settings.to.map(|frame| format!("to {frame}")));
     words.extend(settings.constrain.then(|| "constrained".to_owned()));
     words.extend((!only.is_empty()).then(|| format!("only {only}")));
+    words.extend(settings.pause_below.map(|least| format!("pausing below {least}")));
     words.extend(settings.replace.then(|| "over other labels".to_owned()));
     words.join(", ")
 }
@@ -198,7 +230,6 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::masks::LabelId;
     use crate::session::tests::making::{anchor, project, record, tracked};
     use crate::session::{JobId, OpenProject};
 
@@ -222,6 +253,8 @@ mod tests {
             done: BTreeSet::new(),
             waiting: Vec::new(),
             saved: Instant::now(),
+            pause_below: settings.pause_below,
+            doubt: None,
         });
     }
 
@@ -241,13 +274,13 @@ mod tests {
         start.apply(Edit::SetMask { frame: 0, mask: Some(anchor([1, 0, 0])) }).unwrap();
         start.apply(Edit::SetResult { kind: ResultKind::Cloud, record: Some(record("fuse")) }).unwrap();
         let mut session = running(&folder, start.clone());
-        session.gather(1, tracked([1, 0, 0])).unwrap();
+        session.gather(1, tracked([1, 0, 0]), false).unwrap();
         session.save_tracked(true).unwrap();
         assert!(!stale(&session, 1));
         session.commit("Paint", vec![Edit::SetMask { frame: 3, mask: Some(anchor([2, 2, 2])) }]).unwrap();
         assert!(stale(&session, 1));
         for frame in [2, 3, 4] {
-            session.gather(frame, tracked([1, 1, 0])).unwrap();
+            session.gather(frame, tracked([1, 1, 0]), false).unwrap();
         }
         session.end_track(JobId(1)).unwrap();
         assert!(stale(&session, 2) && stale(&session, 4));
@@ -266,14 +299,14 @@ mod tests {
         let mut session = running(&folder, project());
         session.commit("Prompt", vec![Edit::SetMask { frame: 0, mask: Some(anchor([1, 2, 0])) }]).unwrap();
         for frame in 1..5 {
-            session.gather(frame, tracked([1, 2, 0])).unwrap();
+            session.gather(frame, tracked([1, 2, 0]), false).unwrap();
         }
         session.end_track(JobId(1)).unwrap();
         session.commit("Correct", vec![Edit::SetMask { frame: 2, mask: Some(anchor([0, 2, 1])) }]).unwrap();
         assert_eq!([1, 3, 4].map(|frame| stale(&session, frame)), [true; 3]);
         begin(&mut session, 2, &only(&[1], false));
         for frame in [1, 3] {
-            session.gather(frame, tracked([2, 0, 1])).unwrap();
+            session.gather(frame, tracked([2, 0, 1]), false).unwrap();
         }
         session.end_track(JobId(2)).unwrap();
         let project = session.project().unwrap();
@@ -283,6 +316,24 @@ mod tests {
         assert_eq!((&project.masks[&0], &project.masks[&2]), (&anchor([1, 2, 0]), &anchor([0, 2, 1])));
         session.undo().unwrap();
         assert_eq!([1, 3, 4].map(|frame| stale(&session, frame)), [true; 3]);
+    }
+
+    #[test]
+    fn a_run_that_is_not_sure_ends_and_asks() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = running(&folder, project());
+        begin(&mut session, 2, &TrackSettings { pause_below: Some(0.6), ..TrackSettings::default() });
+        let unsure =
+            FrameMask { confidence: BTreeMap::from([(LabelId(1), 0.9), (LabelId(2), 0.5)]), ..tracked([1, 2, 0]) };
+        session.gather(0, unsure.clone(), true).unwrap();
+        session.gather(1, tracked([1, 0, 0]), false).unwrap();
+        assert!(session.paused(JobId(2)).is_none(), "a better answer is to come");
+        session.gather(2, unsure, false).unwrap();
+        session.gather(3, tracked([1, 0, 0]), false).unwrap();
+        let Some(Event::Paused { frame: 2, label: LabelId(2), text, .. }) = session.paused(JobId(2)) else { panic!() };
+        assert!(text.contains("'stem' is 50 % sure"), "{text}");
+        session.end_track(JobId(2)).unwrap();
+        assert_eq!(session.project().unwrap().masks.keys().copied().collect::<Vec<_>>(), [0, 1, 2]);
     }
 
     /// What happens to a project between openings.
@@ -331,7 +382,7 @@ mod tests {
                         let (before, held) = (session.snapshot().unwrap(), anchors(&session));
                         begin(&mut session, job, &only(&labels, replace));
                         for (frame, id) in brought {
-                            session.gather(frame, tracked([id, 0, 1])).unwrap();
+                            session.gather(frame, tracked([id, 0, 1]), false).unwrap();
                         }
                         session.end_track(JobId(job)).unwrap();
                         prop_assert_eq!(anchors(&session), held);

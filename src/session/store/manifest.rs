@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::durable;
 use crate::frames::Frame;
 use crate::masks::{Label, LabelId, LabelTree, Prompt};
-use crate::session::{Project, ResultKind, ResultRecord};
+use crate::session::{Marks, Project, ResultKind, ResultRecord};
 
 /// The version of the files in a project's folder that this program writes.
 pub const FORMAT: u32 = 1;
@@ -23,6 +23,8 @@ pub struct Manifest {
     #[serde(default)]
     prompts: Vec<Given>,
     #[serde(default)]
+    marks: Vec<Marked>,
+    #[serde(default)]
     results: BTreeMap<ResultKind, ResultRecord>,
     #[serde(default)]
     frames: Vec<Frame>,
@@ -33,6 +35,13 @@ struct Given {
     frame: usize,
     label: LabelId,
     prompt: Prompt,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Marked {
+    label: LabelId,
+    #[serde(flatten)]
+    marks: Marks,
 }
 
 /// Refuses a folder that holds no project, or one of a newer program. Touches nothing.
@@ -83,6 +92,7 @@ pub fn write(root: &Path, project: &Project, step: u64) -> Result<()> {
         step,
         labels: project.labels.iter().cloned().collect(),
         prompts: prompts.map(|(&(frame, label), prompt)| Given { frame, label, prompt: prompt.clone() }).collect(),
+        marks: project.marks.iter().map(|(&label, marks)| Marked { label, marks: marks.clone() }).collect(),
         results: project.results.clone(),
         frames: project.frames.to_vec(),
     };
@@ -100,6 +110,9 @@ impl Manifest {
         project.apply(crate::session::Edit::AddFrames { frames: self.frames })?;
         for Given { frame, label, prompt } in self.prompts {
             project.apply(crate::session::Edit::SetPrompt { frame, label, prompt: Some(prompt) })?;
+        }
+        for Marked { label, marks } in self.marks {
+            project.apply(crate::session::Edit::SetMarks { label, marks })?;
         }
         Ok(project)
     }

@@ -1,8 +1,9 @@
 use proptest::prelude::*;
 
 use super::making::{anchor, camera, frame, label, mask, project, record, tracked};
+use crate::frames::FrameSet;
 use crate::masks::{Click, LabelId, Prompt};
-use crate::session::{Edit, FrameMask, MaskOrigin, Project, ResultKind};
+use crate::session::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind};
 
 fn prompt(x: f64) -> Prompt {
     Prompt { clicks: vec![Click { at_px: glam::DVec2::new(x, 1.1), include: x < 1.0 }], boxes: Vec::new() }
@@ -27,6 +28,11 @@ fn any_kind() -> impl Strategy<Value = ResultKind> {
     ]
 }
 
+fn any_marks() -> impl Strategy<Value = Marks> {
+    let set = || proptest::collection::vec((0usize..7, 0usize..7), 0..2).prop_map(FrameSet::from);
+    (set(), set(), set()).prop_map(|(absent, locked, hidden)| Marks { absent, locked, hidden })
+}
+
 /// Edits of every kind, many of which do not fit the state they meet.
 pub fn any_edit() -> impl Strategy<Value = Edit> {
     let number = 0usize..7;
@@ -43,6 +49,7 @@ pub fn any_edit() -> impl Strategy<Value = Edit> {
         }),
         (number.clone(), any_mask()).prop_map(|(frame, mask)| Edit::SetMask { frame, mask }),
         (number.clone(), any_mask()).prop_map(|(frame, mask)| Edit::SetMask { frame, mask }),
+        (0u16..4, any_marks()).prop_map(|(id, marks)| Edit::SetMarks { label: LabelId(id), marks }),
         (proptest::collection::vec(number.clone(), 0..5), any::<bool>())
             .prop_map(|(frames, stale)| Edit::SetStale { frames, stale }),
         (number.clone(), proptest::option::of(-1.0..1.0))

@@ -105,7 +105,7 @@ impl Tracker for Copier {
             progress.check()?;
             let nearest = request.anchors.iter().min_by_key(|(anchor, _)| anchor.abs_diff(frame)).unwrap();
             let mask = nearest.1.as_ref().clone();
-            emit(TrackedFrame { frame, mask, confidence: BTreeMap::new() });
+            emit(TrackedFrame { frame, mask, confidence: BTreeMap::new(), preliminary: false });
         }
         Ok(Vec::new())
     }

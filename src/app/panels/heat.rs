@@ -1,0 +1,183 @@
+use std::ops::Range;
+
+use egui::{Color32, Pos2, Rect, Role, Sense, Stroke, Ui, Vec2, WidgetInfo, lerp};
+
+use crate::app::ranges::lost_on;
+use crate::app::{Look, ViewState};
+use crate::masks::LabelId;
+use crate::session::{FrameMask, MaskOrigin};
+
+/// Height of the strip in points.
+pub(in crate::app) const HEAT_HEIGHT: f32 = 9.0;
+
+/// All frames in one strip, from left to right: bright where the tracker doubted, dark where it was sure. A click or
+/// drag goes to the frame.
+pub(in crate::app) fn heat_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+    let size = Vec2::new(ui.available_width(), HEAT_HEIGHT);
+    let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
+    response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Confidence over frames"));
+    let columns = Columns { rect, frames: 0..look.project.frames.len() };
+    ui.painter().rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
+    columns.paint(ui, |frames| worst(ui, look, view, frames));
+    for frame in [view.range.map(|range| range.0), view.range.map(|range| range.1)].into_iter().flatten() {
+        mark(ui, &columns, frame, ui.visuals().selection.stroke.color);
+    }
+    mark(ui, &columns, view.frame, ui.visuals().strong_text_color());
+    if response.clicked() || response.dragged() {
+        if let Some(frame) = response.interact_pointer_pos().and_then(|at| columns.frame_at(at)) {
+            view.go_to(frame);
+        }
+    }
+    let hovered = response.hover_pos().and_then(|at| columns.frame_at(at));
+    if let Some(frame) = hovered {
+        response.on_hover_ui_at_pointer(|ui| tip_ui(ui, look, view, frame));
+    }
+}
+
+/// Frames side by side in a box, all as wide.
+pub(super) struct Columns {
+    pub(super) rect: Rect,
+    pub(super) frames: Range<usize>,
+}
+
+impl Columns {
+    /// Width of a frame in points.
+    fn width(&self) -> f32 {
+        self.rect.width() / self.frames.len().max(1) as f32
+    }
+
+    /// The frame at a place on the screen; one of the ends' where that is beside the box.
+    pub(super) fn frame_at(&self, at: Pos2) -> Option<usize> {
+        let column = ((at.x - self.rect.left()) / self.width()).max(0.0) as usize;
+        (!self.frames.is_empty()).then(|| (self.frames.start + column).min(self.frames.end - 1))
+    }
+
+    /// The place of frames (the last included) on the screen, at least a point wide.
+    pub(super) fn place(&self, first: usize, last: usize) -> Rect {
+        let x = |frame: usize| self.rect.left() + (frame as f32 - self.frames.start as f32) * self.width();
+        let (left, right) = (x(first), x(last + 1));
+        Rect::from_x_y_ranges(left..=right.max(left + 1.0), self.rect.y_range()).intersect(self.rect)
+    }
+
+    /// Fills every column with the colour of its frames; columns narrower than a point share one. Neighbours of one
+    /// colour become one box.
+    pub(super) fn paint(&self, ui: &Ui, color: impl Fn(Range<usize>) -> Option<Color32>) {
+        let step = ((1.0 / self.width()).ceil() as usize).max(1);
+        let mut run: Option<(usize, usize, Color32)> = None;
+        let flush = |run: Option<(usize, usize, Color32)>| {
+            if let Some((first, last, color)) = run {
+                ui.painter().rect_filled(self.place(first, last), 0.0, color);
+            }
+        };
+        for first in self.frames.clone().step_by(step) {
+            let end = (first + step).min(self.frames.end);
+            let new = color(first..end);
+            match (&mut run, new) {
+                (Some((_, last, old)), Some(new)) if *old == new => *last = end - 1,
+                _ => {
+                    flush(run.take());
+                    run = new.map(|color| (first, end - 1, color));
+                }
+            }
+        }
+        flush(run);
+    }
+}
+
+/// A line down the middle of a frame's column.
+pub(super) fn mark(ui: &Ui, columns: &Columns, frame: usize, color: Color32) {
+    if columns.frames.contains(&frame) {
+        let place = columns.place(frame, frame);
+        ui.painter().vline(place.center().x, columns.rect.y_range(), Stroke::new(2.0, color));
+    }
+}
+
+/// From cool and dark (sure) over amber to red (not sure).
+pub(super) fn heat(sure: f32) -> Color32 {
+    const STOPS: [(f32, [f32; 3]); 4] = [
+        (0.0, [235.0, 60.0, 50.0]),
+        (0.5, [240.0, 170.0, 50.0]),
+        (0.8, [110.0, 140.0, 120.0]),
+        (1.0, [52.0, 92.0, 104.0]),
+    ];
+    let sure = sure.clamp(0.0, 1.0);
+    let after = STOPS.iter().position(|stop| stop.0 >= sure).unwrap_or(STOPS.len() - 1).max(1);
+    let ((from, a), (to, b)) = (STOPS[after - 1], STOPS[after]);
+    let share = (sure - from) / (to - from);
+    let [r, g, b] = [0, 1, 2].map(|k| lerp(a[k]..=b[k], share) as u8);
+    Color32::from_rgb(r, g, b)
+}
+
+fn worst(ui: &Ui, look: &Look<'_>, view: &ViewState, frames: Range<usize>) -> Option<Color32> {
+    let mut anchor = None;
+    let mut least: Option<f32> = None;
+    for (&frame, mask) in look.project.masks.range(frames) {
+        match sureness(look, view, frame, mask) {
+            Some(sure) => least = Some(least.map_or(sure, |least| least.min(sure))),
+            None => anchor = Some(Color32::from_rgb(80, 190, 110)),
+        }
+    }
+    let stale = |sure: f32| if sure < 0.0 { ui.visuals().warn_fg_color } else { heat(sure) };
+    least.filter(|&sure| sure < view.prefs.doubt_below).map(stale).or(anchor).or(least.map(stale))
+}
+
+/// How sure a tracked frame is at its least: 0 where a label was lost, below 0 where it is stale; `None` for an anchor.
+fn sureness(look: &Look<'_>, view: &ViewState, frame: usize, mask: &FrameMask) -> Option<f32> {
+    if mask.origin == MaskOrigin::Anchor {
+        return None;
+    }
+    let least = mask.confidence.values().copied().fold(1.0, f32::min);
+    let lost = lost_on(look.project, view, frame).next().is_some();
+    Some(if mask.stale {
+        -1.0
+    } else if lost {
+        0.0
+    } else {
+        least
+    })
+}
+
+fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, frame: usize) {
+    ui.strong(format!("Frame {frame}"));
+    let name = |label: LabelId| look.project.labels.get(label).map_or("?", |label| label.name.as_str());
+    match look.project.masks.get(&frame) {
+        None => drop(ui.weak("no mask")),
+        Some(mask) if mask.origin == MaskOrigin::Anchor => drop(ui.label("anchor")),
+        Some(mask) => {
+            if mask.stale {
+                ui.colored_label(ui.visuals().warn_fg_color, "stale");
+            }
+            for (&label, sure) in &mask.confidence {
+                ui.label(format!("{}: {:.0} % sure", name(label), sure * 100.0));
+            }
+            for label in lost_on(look.project, view, frame) {
+                ui.colored_label(ui.visuals().warn_fg_color, format!("{}: no longer seen", name(label)));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_and_frames_agree() {
+        let rect = Rect::from_min_size(Pos2::new(10.0, 0.0), Vec2::new(200.0, 9.0));
+        for frames in [0..7, 3..40, 0..3000] {
+            let columns = Columns { rect, frames: frames.clone() };
+            for frame in frames.step_by(13) {
+                let place = columns.place(frame, frame);
+                let found = columns.frame_at(place.center()).unwrap();
+                assert!(found.abs_diff(frame) <= (1.0 / columns.width()) as usize, "{frame} {found}");
+            }
+            assert_eq!(columns.frame_at(Pos2::new(9999.0, 0.0)), Some(columns.frames.end - 1));
+        }
+        assert_eq!(Columns { rect, frames: 0..0 }.frame_at(rect.center()), None);
+    }
+
+    #[test]
+    fn doubt_is_hot() {
+        assert!(heat(0.1).r() > 200 && heat(0.95).r() < 80);
+    }
+}

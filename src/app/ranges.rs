@@ -1,0 +1,123 @@
+use super::{Action, Look, ViewState};
+use crate::masks::{Click, LabelId};
+use crate::session::{FrameMask, MaskOrigin, Project, RangeChange, RangeRequest};
+
+/// Whether an action changes the chosen label over frames, without asking for more.
+pub(super) fn is_range_change(action: Action) -> bool {
+    use Action as A;
+    matches!(
+        action,
+        A::DeleteRange
+            | A::RestoreRange
+            | A::AppearsHere
+            | A::GoneFromHere
+            | A::LockRange
+            | A::HideRange
+            | A::InterpolateRange
+            | A::PasteMask
+    )
+}
+
+/// What an action that changes a label over frames asks for; `None` where it would change nothing.
+pub(super) fn range_request(action: Action, look: &Look<'_>, view: &ViewState) -> Option<RangeRequest> {
+    let (project, label) = (look.project, view.label?);
+    let meant = view.frames_meant();
+    let marks = project.marks_of(label);
+    let all = |set: &crate::frames::FrameSet| set.range_of(meant.0).is_some_and(|range| range.contains(&meant.1));
+    let (change, (from, to)) = match action {
+        Action::DeleteRange => (RangeChange::Delete, meant),
+        Action::RestoreRange => (RangeChange::Restore, meant),
+        Action::AppearsHere => (RangeChange::Delete, before_appearing(project, label, view.frame)?),
+        Action::GoneFromHere => (RangeChange::Delete, after_going(project, label, view.frame)?),
+        Action::LockRange => (if all(&marks.locked) { RangeChange::Unlock } else { RangeChange::Lock }, meant),
+        Action::HideRange => (if all(&marks.hidden) { RangeChange::Show } else { RangeChange::Hide }, meant),
+        Action::InterpolateRange => (RangeChange::Interpolate, between_anchors(project, view)?),
+        Action::PasteMask => {
+            let (copied, frame) = view.copied?;
+            let request = RangeRequest {
+                labels: vec![copied],
+                from: meant.0,
+                to: meant.1,
+                change: RangeChange::Copy { frame },
+                replace: view.track.replace,
+            };
+            return (meant != (frame, frame)).then_some(request);
+        }
+        _ => return None,
+    };
+    Some(RangeRequest { labels: vec![label], from, to, change, replace: view.track.replace })
+}
+
+/// Sets or drops an end of the range; the other end stays, or is the shown frame.
+pub(super) fn set_range(action: Action, view: &mut ViewState) {
+    let frame = view.frame;
+    let (from, to) = view.frames_meant();
+    view.range = match action {
+        Action::RangeFrom => Some((frame, to.max(frame))),
+        Action::RangeTo => Some((from.min(frame), frame)),
+        _ => None,
+    };
+}
+
+/// The pixel under the pointer where the chosen label lies.
+pub(super) fn split_at(look: &Look<'_>, view: &ViewState) -> Option<glam::DVec2> {
+    let at_px = view.pointer_px?;
+    let mask = look.project.masks.get(&view.frame)?;
+    Click { at_px, include: true }.pixel_in(mask.runs.width, mask.runs.height)?;
+    (super::canvas::id_at(&mask.runs, at_px) == view.label?).then_some(at_px)
+}
+
+/// The next frame, from the beginning again after the last, that should be looked at: its mask is stale, a label on it
+/// is less sure than asked for, or one that was on the frame before is no longer there.
+pub(super) fn next_doubtful(look: &Look<'_>, view: &ViewState) -> Option<usize> {
+    let count = look.project.frames.len();
+    (1..=count).map(|step| (view.frame + step) % count).find(|&frame| is_doubtful(look.project, view, frame))
+}
+
+fn is_doubtful(project: &Project, view: &ViewState, frame: usize) -> bool {
+    let Some(mask) = project.masks.get(&frame).filter(|mask| mask.origin == MaskOrigin::Tracked) else { return false };
+    let unsure = mask.confidence.values().any(|&sure| sure < view.prefs.doubt_below);
+    mask.stale || unsure || lost_on(project, view, frame).next().is_some()
+}
+
+/// Labels that a tracker had on the frame before and has no longer, where the user did not say that they are gone.
+pub(super) fn lost_on<'a>(
+    project: &'a Project,
+    view: &'a ViewState,
+    frame: usize,
+) -> impl Iterator<Item = LabelId> + 'a {
+    let is_tracked = project.masks.get(&frame).is_some_and(|mask| mask.origin == MaskOrigin::Tracked);
+    let before = frame.checked_sub(1).filter(|_| is_tracked).map_or(&[][..], |before| view.presence.on_frame(before));
+    let now = view.presence.on_frame(frame);
+    let is_lost = move |label: &LabelId| !now.contains(label) && !project.absent_on(frame).contains(label);
+    before.iter().copied().filter(is_lost)
+}
+
+fn shows(mask: &FrameMask, label: LabelId) -> bool {
+    mask.origin == MaskOrigin::Anchor && mask.runs.runs.iter().any(|&(id, _)| id == label)
+}
+
+/// From the frame after the last anchor that shows the label to the one before `frame`.
+fn before_appearing(project: &Project, label: LabelId, frame: usize) -> Option<(usize, usize)> {
+    let anchor = project.masks.range(..frame).rev().find(|(_, mask)| shows(mask, label)).map(|(&anchor, _)| anchor);
+    let first = anchor.map_or(0, |anchor| anchor + 1);
+    (first < frame).then(|| (first, frame - 1))
+}
+
+/// From `frame` to the one before the next anchor that shows the label.
+fn after_going(project: &Project, label: LabelId, frame: usize) -> Option<(usize, usize)> {
+    let anchor = project.masks.range(frame + 1..).find(|(_, mask)| shows(mask, label)).map(|(&anchor, _)| anchor);
+    let last = anchor.unwrap_or(project.frames.len()).checked_sub(1)?;
+    (frame <= last).then_some((frame, last))
+}
+
+/// The range; without one, from the anchor at or before the shown frame to the next after it.
+fn between_anchors(project: &Project, view: &ViewState) -> Option<(usize, usize)> {
+    if view.range.is_some() {
+        return view.range.filter(|(from, to)| to - from > 1);
+    }
+    let is_anchor = project.masks.get(&view.frame).is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
+    let (before, after) = project.neighbour_anchors(view.frame);
+    let from = if is_anchor { Some(view.frame) } else { before };
+    from.zip(after).filter(|(from, to)| to - from > 1)
+}

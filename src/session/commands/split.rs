@@ -1,0 +1,115 @@
+use anyhow::{Context, Result, ensure};
+use glam::DVec2;
+
+use super::paint::label_name;
+use super::range::changed;
+use crate::engine::job::Progress;
+use crate::masks::{Click, Connectivity, LabelId, Prompt, Region, RunMask, components, nearer_part};
+use crate::session::{Edit, FrameMask, Project, RangeRequest};
+
+/// Which piece of which label becomes another label.
+pub(super) struct Cut {
+    pub label: LabelId,
+    pub into: LabelId,
+    /// Where the piece is pointed at.
+    pub frame: usize,
+    pub at_px: DVec2,
+}
+
+/// The edits that give a piece of a label to another one: on the frame pointed at, and from there both ways on every
+/// frame of the range what lies nearer to the piece than to the rest of the label.
+pub(super) fn split(project: &Project, request: &RangeRequest, cut: &Cut, progress: &Progress) -> Result<Vec<Edit>> {
+    progress.stage("split")?;
+    let mask = project.masks.get(&cut.frame).with_context(|| format!("frame {} has no mask", cut.frame))?;
+    let (part, rest) = pointed_at(project, cut, &mask.runs)?;
+    let mut edits = piece_edits(project, cut, cut.frame, mask, &part);
+    let after: Vec<usize> = project.masks.range(cut.frame + 1..=request.to).map(|(&frame, _)| frame).collect();
+    let before: Vec<usize> = project.masks.range(request.from..cut.frame).rev().map(|(&frame, _)| frame).collect();
+    let total = after.len() + before.len();
+    let mut done = 0;
+    for way in [after, before] {
+        let mut last = (part.clone(), rest.clone());
+        for frame in way {
+            progress.step(done, total)?;
+            done += 1;
+            edits.extend(next_frame(project, cut, frame, &mut last)?);
+        }
+    }
+    Ok(edits)
+}
+
+/// The piece of the label around the pixel pointed at, and the rest of the label.
+fn pointed_at(project: &Project, cut: &Cut, runs: &RunMask) -> Result<(Region, Region)> {
+    let name = label_name(project, cut.label)?;
+    let whole = runs.region(cut.label);
+    let at = Click { at_px: cut.at_px, include: true }.pixel_in(whole.width, whole.height);
+    let pieces = components(&whole, Connectivity::Eight);
+    let piece = at.map(|at| pieces.labels[at]).filter(|&piece| piece > 0);
+    let piece = piece.with_context(|| format!("that pixel of frame {} is not label '{name}'", cut.frame))?;
+    let of = |mine: bool| Region {
+        width: whole.width,
+        height: whole.height,
+        inside: pieces.labels.iter().map(|&other| other > 0 && (other == piece) == mine).collect(),
+    };
+    let (part, rest) = (of(true), of(false));
+    ensure!(
+        !rest.is_empty(),
+        "label '{name}' is one piece on frame {}; paint the part with the other label instead",
+        cut.frame
+    );
+    Ok((part, rest))
+}
+
+/// Cuts the label on the next frame; what it shows is what the frame after is compared with.
+fn next_frame(project: &Project, cut: &Cut, frame: usize, last: &mut (Region, Region)) -> Result<Vec<Edit>> {
+    let Some(mask) = project.masks.get(&frame) else { return Ok(Vec::new()) };
+    let whole = mask.runs.region(cut.label);
+    let same_size = (whole.width, whole.height) == (last.0.width, last.0.height);
+    if whole.is_empty() || !same_size {
+        return Ok(Vec::new());
+    }
+    let part = nearer_part(&whole, &last.0, &last.1)?;
+    let mut rest = whole;
+    rest.subtract(&part);
+    let edits = piece_edits(project, cut, frame, mask, &part);
+    for (kept, new) in [(&mut last.0, part), (&mut last.1, rest)] {
+        if !new.is_empty() {
+            *kept = new;
+        }
+    }
+    Ok(edits)
+}
+
+/// The piece of a frame becomes the other label, with the clicks in it.
+fn piece_edits(project: &Project, cut: &Cut, frame: usize, mask: &FrameMask, part: &Region) -> Vec<Edit> {
+    let locked = project.locked_on(frame);
+    if part.is_empty() || locked.contains(&cut.label) || locked.contains(&cut.into) {
+        return Vec::new();
+    }
+    let mut pixels = mask.runs.decode();
+    for (id, _) in pixels.ids.iter_mut().zip(&part.inside).filter(|(_, inside)| **inside) {
+        *id = cut.into;
+    }
+    let sure = mask.confidence.get(&cut.label).copied();
+    let edit =
+        changed(project, frame, mask, RunMask::encode(&pixels), |all| all.extend(sure.map(|sure| (cut.into, sure))));
+    edit.into_iter().chain(moved_clicks(project, cut, frame, part)).collect()
+}
+
+fn moved_clicks(project: &Project, cut: &Cut, frame: usize, part: &Region) -> Vec<Edit> {
+    let Some(given) = project.prompts.get(&(frame, cut.label)) else { return Vec::new() };
+    let in_part =
+        |click: &Click| click.include && click.pixel_in(part.width, part.height).is_some_and(|at| part.inside[at]);
+    let (moved, kept): (Vec<Click>, Vec<Click>) = given.clicks.iter().partition(|click| in_part(click));
+    if moved.is_empty() {
+        return Vec::new();
+    }
+    let kept = Prompt { clicks: kept, boxes: given.boxes.clone() };
+    let mut there = project.prompts.get(&(frame, cut.into)).cloned().unwrap_or_default();
+    there.clicks.extend(moved);
+    let kept = (!kept.is_empty()).then_some(kept);
+    vec![
+        Edit::SetPrompt { frame, label: cut.label, prompt: kept },
+        Edit::SetPrompt { frame, label: cut.into, prompt: Some(there) },
+    ]
+}

@@ -1,0 +1,55 @@
+use std::collections::BTreeSet;
+
+use super::{MaskOrigin, Project};
+use crate::masks::LabelId;
+
+/// How good the masks probably are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Mean over labels and frames that have a mask of what the tracker made of itself, 0–1; an anchor counts 1.
+    pub accuracy: f64,
+    /// Frames with a mask.
+    pub frames: usize,
+}
+
+impl Project {
+    /// Estimates how good the masks are; `None` while no mask shows a label.
+    #[must_use]
+    pub fn estimate(&self) -> Option<Estimate> {
+        let (mut sum, mut count) = (0.0, 0usize);
+        for mask in self.masks.values() {
+            match mask.origin {
+                MaskOrigin::Anchor => {
+                    let mut ids: BTreeSet<LabelId> = mask.runs.runs.iter().map(|&(id, _)| id).collect();
+                    ids.remove(&LabelId::NONE);
+                    let shown = ids.len();
+                    (sum, count) = (sum + shown as f64, count + shown);
+                }
+                MaskOrigin::Tracked => {
+                    sum += mask.confidence.values().map(|&sure| f64::from(sure)).sum::<f64>();
+                    count += mask.confidence.len();
+                }
+            }
+        }
+        (count > 0).then(|| Estimate { accuracy: sum / count as f64, frames: self.masks.len() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::Edit;
+    use crate::session::tests::making::{anchor, project, tracked};
+
+    #[test]
+    fn anchors_are_sure_and_empty_masks_say_nothing() {
+        let mut project = project();
+        assert_eq!(project.estimate(), None);
+        for (frame, mask) in [anchor([1, 2, 0]), tracked([1, 0, 0]), anchor([0; 3])].into_iter().enumerate() {
+            project.apply(Edit::SetMask { frame, mask: Some(mask) }).unwrap();
+        }
+        let estimate = project.estimate().unwrap();
+        assert!((estimate.accuracy - 0.9).abs() < 1e-6, "{estimate:?}");
+        assert_eq!(estimate.frames, 3);
+    }
+}
