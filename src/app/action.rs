@@ -251,7 +251,8 @@ const LIST: &[Row] = {
         A::UseTool(Tool::Click), EDIT, true, "Click and box tool", "Left click includes, right click excludes, dragging makes a box", plain(Key::V);
         A::UseTool(Tool::Brush), EDIT, false, "Brush tool", "Paints the chosen label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
         A::UseTool(Tool::Eraser), EDIT, false, "Eraser tool", "Takes the chosen label away; Shift+wheel sets the size", plain(Key::X);
-        A::UseTool(Tool::Polygon), EDIT, false, "Polygon tool", "Click corners; Enter or a double click fills the polygon", plain(Key::G);
+        A::UseTool(Tool::Polygon), EDIT, false, "Polygon tool", "Click corners; Enter or a double click fills the polygon, Backspace or right click takes the last one", plain(Key::G);
+        A::UseTool(Tool::Thin), EDIT, false, "Thin-structure tool", "Click two or more points along a stem or wire; Enter or a double click traces it, Backspace or right click takes the last one", plain(Key::W);
         A::SmallerBrush, EDIT, false, "Smaller brush", "Makes the brush smaller", plain(Key::OpenBracket);
         A::LargerBrush, EDIT, false, "Larger brush", "Makes the brush larger", plain(Key::CloseBracket);
         A::ShowBoth, VIEW, false, "Picture and 3-D", "Shows picture and 3-D view side by side", ctrl(Key::Num1);
@@ -278,7 +279,7 @@ const LIST: &[Row] = {
         A::Reconstruct, RUN, true, "Reconstruct", "Makes cameras and depths with the settings of the Reconstruct panel", plain(Key::R);
         A::Fuse, RUN, false, "Fuse", "Makes the labelled cloud: every point takes the label most views vote for", plain(Key::U);
         A::Stop, RUN, true, "Stop", "Stops what is running; what is finished is kept", None;
-        A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke or polygon; otherwise stops what is running", plain(Key::Escape);
+        A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke, polygon or thin structure; otherwise stops what is running", plain(Key::Escape);
         A::Palette, HELP, false, "Find action…", "Lists all actions; type to narrow the list", ctrl(Key::P);
         A::ShortcutSheet, HELP, false, "Shortcuts…", "Shows all shortcuts and lets you change them", plain(Key::Questionmark);
     }

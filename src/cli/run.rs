@@ -6,7 +6,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches};
 
 use super::args::{Cli, ModelsVerb, Verb};
 use super::drive::{Driver, Interrupted};
-use super::{demo, eval, info, project, shot, sources};
+use super::{demo, eval, info, masks, project, shot, sources};
 use crate::session::{Command, Recipe};
 
 /// The program: reads the words, does the job, gives the exit code (0 done, 1 failed, 2 usage, 130 stopped).
@@ -39,9 +39,10 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
             Driver::open(&args.project)?.act_and_save([Command::AddFrames(new)])
         }
         Verb::Label(args) => project::label(args),
-        Verb::Prompt(args) => project::prompt(&args),
-        Verb::Ground(args) => project::ground(&args),
-        Verb::Masks(args) => project::masks(args),
+        Verb::Prompt(args) => masks::prompt(&args),
+        Verb::Trace(args) => masks::trace(args),
+        Verb::Ground(args) => masks::ground(&args),
+        Verb::Masks(args) => masks::masks(args),
         Verb::Track(args) => project::track(args),
         Verb::Reconstruct(args) => project::reconstruct(args),
         Verb::Fuse(args) => project::fuse(args),

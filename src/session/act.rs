@@ -32,6 +32,7 @@ impl Session {
             Command::RemoveLabel(id) => self.remove_label(*id).map(|()| None),
             Command::Prompt(request) => self.prompt(request),
             Command::Paint(request) => self.paint(request).map(|()| None),
+            Command::Trace(request) => self.trace(request).map(Some),
             Command::MakeAnchor { frame } => self.make_anchor(*frame).map(|()| None),
             Command::ClearMask { frame } => self.clear_mask(*frame).map(|()| None),
             Command::ImportMasks { dir, format } => self.import_masks(dir, format).map(Some),

@@ -43,6 +43,8 @@ pub enum Command {
     Prompt(PromptRequest),
     /// Brush, eraser or polygon on a frame's mask; the frame becomes an anchor.
     Paint(PaintRequest),
+    /// Gives a thin structure through some points to a label; the frame becomes an anchor.
+    Trace(TraceRequest),
     /// Makes a tracked frame an anchor as it is.
     MakeAnchor {
         /// Frame number.
@@ -125,6 +127,20 @@ pub struct PaintRequest {
     /// `true` takes the label away where the stroke goes.
     pub erase: bool,
     /// `true` = pixels of other labels are taken over too.
+    pub replace: bool,
+}
+
+/// A thin structure (stem, wire) on a frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TraceRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// The label that gets its pixels.
+    pub label: LabelId,
+    /// Two points along it or more, in pixels; it ends at the first and the last.
+    pub points_px: Vec<DVec2>,
+    /// `true` = pixels of other labels are taken over too.
+    #[serde(default)]
     pub replace: bool,
 }
 

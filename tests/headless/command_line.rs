@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use image::{GrayImage, ImageBuffer, Luma, RgbImage};
+use ostra::masks::read_palette_png;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -174,6 +175,35 @@ fn a_prompt_sets_what_is_given_and_an_anchor_is_not_overwritten() {
     done(&["prompt", &project, "--frame", "3", "--label", "thing", "--click", "16,24"]);
     done(&["track", &project]);
     assert_eq!(std::fs::read(Path::new(&project).join("masks/0.png")).unwrap(), anchor);
+}
+
+/// The label numbers of a frame's mask as it lies in the project.
+fn ids(project: &str, frame: u32) -> Vec<u8> {
+    let mask = read_palette_png(&Path::new(project).join(format!("masks/{frame}.png"))).unwrap();
+    mask.ids.iter().map(|id| id.0 as u8).collect()
+}
+
+#[test]
+fn a_thin_thing_is_traced_through_two_points_and_one_is_not_enough() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    let one = refused(&["trace", &project, "--frame", "1", "--label", "thing", "--point", "19,16"]);
+    assert!(one.contains("two different points"), "{one}");
+    let points = ["--point", "19,16", "--point", "19,32"];
+    done(&[&["trace", &project, "--frame", "1", "--label", "thing"][..], &points].concat());
+    let traced = ids(&project, 1);
+    let (inside, beside) = (traced[24 * 64 + 19], traced[24 * 64 + 40]);
+    assert_eq!((inside, beside), (1, 0));
+    let area = traced.iter().filter(|&&id| id == 1).count();
+    assert!((16 * 12..16 * 21).contains(&area), "{area} pixels of a bar 16 wide");
+    done(&["label", &project, "other"]);
+    done(&[&["trace", &project, "--frame", "1", "--label", "other"][..], &points].concat());
+    assert_eq!(ids(&project, 1), traced, "another label's pixels stay");
+    done(&[&["trace", &project, "--frame", "1", "--label", "other", "--replace"][..], &points].concat());
+    assert_eq!(ids(&project, 1)[24 * 64 + 19], 2);
+    let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
+    assert_eq!(info["frames"][1]["mask"], "anchor");
 }
 
 /// Writes a mask file in which `thing` (1) and `wall` (2) are given as columns of the rows 14 to 33.

@@ -30,3 +30,5 @@ mod masks;
 mod session;
 #[cfg(test)]
 mod shared;
+#[cfg(test)]
+mod thin;

@@ -1,4 +1,4 @@
-//! The picture with its mask: zoom and pan, prompts, brush and polygon.
+//! The picture with its mask: zoom and pan, prompts, brush, polygon and thin structures.
 
 mod draft;
 mod input;

@@ -14,6 +14,7 @@ mod paint;
 mod prompt;
 mod reconstruct;
 mod relocate;
+mod trace;
 mod track;
 mod traits;
 mod undo;
