@@ -49,6 +49,8 @@ pub enum Action {
     SmallerBrush,
     /// Larger brush.
     LargerBrush,
+    /// Brush that stops at edges, on and off.
+    ToggleSnap,
     /// One frame back.
     PreviousFrame,
     /// One frame on.
@@ -255,6 +257,7 @@ const LIST: &[Row] = {
         A::UseTool(Tool::Thin), EDIT, false, "Thin-structure tool", "Click two or more points along a stem or wire; Enter or a double click traces it, Backspace or right click takes the last one", plain(Key::W);
         A::SmallerBrush, EDIT, false, "Smaller brush", "Makes the brush smaller", plain(Key::OpenBracket);
         A::LargerBrush, EDIT, false, "Larger brush", "Makes the brush larger", plain(Key::CloseBracket);
+        A::ToggleSnap, EDIT, false, "Snap brush to edges", "The brush stops at edges of the picture that the inner half of its radius does not cross", plain(Key::S);
         A::ShowBoth, VIEW, false, "Picture and 3-D", "Shows picture and 3-D view side by side", ctrl(Key::Num1);
         A::ShowPicture, VIEW, false, "Picture alone", "Shows only the picture", ctrl(Key::Num2);
         A::ShowScene, VIEW, false, "3-D alone", "Shows only the 3-D view", ctrl(Key::Num3);

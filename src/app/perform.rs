@@ -40,6 +40,7 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         }
         Action::SmallerBrush => view.prefs.brush_px = (view.prefs.brush_px / 1.2).max(0.5),
         Action::LargerBrush => view.prefs.brush_px = (view.prefs.brush_px * 1.2).min(500.0),
+        Action::ToggleSnap => view.prefs.snap = !view.prefs.snap,
         Action::Track => out.push(Command::Track(view.track.clone())),
         Action::TrackForward => track_from_here(view, Direction::Forward, out),
         Action::TrackBackward => track_from_here(view, Direction::Backward, out),

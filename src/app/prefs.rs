@@ -17,6 +17,8 @@ pub struct Prefs {
     pub outlines: bool,
     /// Radius of brush and eraser in picture pixels.
     pub brush_px: f64,
+    /// Whether the brush stops at the picture's edges.
+    pub snap: bool,
     /// Size of points in the 3-D view in screen points.
     pub point_size: f32,
     /// Whether camera frusta are drawn.
@@ -32,6 +34,7 @@ impl Default for Prefs {
             opacity: style.opacity,
             outlines: style.outlines,
             brush_px: 12.0,
+            snap: false,
             point_size: 2.0,
             frusta: true,
         }

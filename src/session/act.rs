@@ -31,7 +31,7 @@ impl Session {
             Command::EditLabel(label) => self.edit_label(label).map(|()| None),
             Command::RemoveLabel(id) => self.remove_label(*id).map(|()| None),
             Command::Prompt(request) => self.prompt(request),
-            Command::Paint(request) => self.paint(request).map(|()| None),
+            Command::Paint(request) => self.paint(request),
             Command::Trace(request) => self.trace(request).map(Some),
             Command::MakeAnchor { frame } => self.make_anchor(*frame).map(|()| None),
             Command::ClearMask { frame } => self.clear_mask(*frame).map(|()| None),

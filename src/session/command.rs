@@ -128,6 +128,10 @@ pub struct PaintRequest {
     pub erase: bool,
     /// `true` = pixels of other labels are taken over too.
     pub replace: bool,
+    /// `true` = the brush stops at the picture's edges on which the inner half of its radius does not lie; a polygon
+    /// is filled as it is.
+    #[serde(default)]
+    pub snap: bool,
 }
 
 /// A thin structure (stem, wire) on a frame.

@@ -95,6 +95,23 @@ fn brush_paints_the_way_of_the_pointer_and_the_right_button_erases() {
 }
 
 #[test]
+fn the_brush_snaps_while_the_box_is_ticked() {
+    let mut harness = Desk::sample().shown();
+    harness.state_mut().shell.view.tool = Tool::Brush;
+    harness.run_steps(2);
+    let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 10.0));
+    drag(&mut harness, from, to, PointerButton::Primary);
+    harness.get_by_label("Snap brush to edges").click();
+    harness.run_steps(2);
+    assert!(harness.state().shell.view.prefs.snap);
+    drag(&mut harness, from, to, PointerButton::Primary);
+    press(&mut harness, Modifiers::NONE, Key::S);
+    drag(&mut harness, from, to, PointerButton::Primary);
+    let snaps: Vec<bool> = paints(&harness.state().asked).iter().map(|paint| paint.snap).collect();
+    assert_eq!(snaps, [false, true, false]);
+}
+
+#[test]
 fn polygon_is_filled_when_the_first_corner_is_clicked_again() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::NONE, Key::G);

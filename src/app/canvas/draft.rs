@@ -51,6 +51,8 @@ pub struct Stroke {
     pub points_px: Vec<DVec2>,
     /// Radius of the brush.
     pub radius_px: f64,
+    /// Stops at the picture's edges.
+    pub snap: bool,
 }
 
 /// What is being drawn, and what was sent but is not in the project yet.

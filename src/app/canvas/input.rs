@@ -97,8 +97,8 @@ fn brush_tool(
         if view.draft.stroke.is_none() {
             let erase = view.tool == Tool::Eraser || secondary || ctrl;
             let Some(label) = chosen_label(look, view, out) else { return };
-            let radius_px = view.prefs.brush_px;
-            view.draft.stroke = Some(Stroke { frame: view.frame, label, erase, points_px: vec![at], radius_px });
+            let (radius_px, snap) = (view.prefs.brush_px, view.prefs.snap);
+            view.draft.stroke = Some(Stroke { frame: view.frame, label, erase, points_px: vec![at], radius_px, snap });
         }
         if let Some(stroke) = &mut view.draft.stroke
             && stroke.points_px.last().is_none_or(|last| last.distance(at) >= 0.5)

@@ -39,6 +39,7 @@ pub(super) fn paint(look: &Look<'_>, view: &mut ViewState, stroke: Stroke, out: 
         radius_px: stroke.radius_px,
         erase: stroke.erase,
         replace: true,
+        snap: stroke.snap,
     }));
     view.draft.sent_stroke(stroke, look.project);
 }
@@ -58,6 +59,7 @@ pub(super) fn fill_polygon(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<
         radius_px: 0.0,
         erase: false,
         replace: true,
+        snap: false,
     }));
 }
 

@@ -30,6 +30,8 @@ fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
         ui.add(size)
             .on_hover_text("Radius of the brush (Shift+wheel over the picture)")
             .accessible_name("Brush radius");
+        let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleSnap);
+        ui.checkbox(&mut view.prefs.snap, "Snap").on_hover_text(tip).accessible_name("Snap brush to edges");
     });
 }
 

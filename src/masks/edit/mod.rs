@@ -6,6 +6,7 @@ mod assign;
 mod brush;
 mod compose;
 mod polygon;
+mod snap;
 mod transfer;
 
 pub use assign::{PaintRule, assign, erase};
@@ -13,6 +14,7 @@ pub use brush::stroke;
 pub use compose::{compose, taken_by_others};
 pub use polygon::fill_polygons;
 pub(super) use polygon::polygon_spans;
+pub use snap::snapped_stroke;
 pub use transfer::transfer;
 
 #[cfg(test)]
