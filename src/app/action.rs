@@ -43,6 +43,10 @@ pub enum Action {
     ClearFrame,
     /// Accepts a tracked mask as it is.
     MakeAnchor,
+    /// Fills small holes of the chosen label.
+    FillHoles,
+    /// Removes small islands of the chosen label.
+    RemoveIslands,
     /// Chooses a tool.
     UseTool(Tool),
     /// Smaller brush.
@@ -250,6 +254,8 @@ const LIST: &[Row] = {
         A::ClearLabelHere, EDIT, false, "Remove label from this frame", "Takes the chosen label's clicks and pixels off this frame", plain(Key::Delete);
         A::ClearFrame, EDIT, false, "Clear this frame", "Takes all clicks and the whole mask off this frame", shift(Key::Delete);
         A::MakeAnchor, EDIT, false, "Make this frame an anchor", "Accepts the tracked mask as it is; trackers keep it from now on", plain(Key::C);
+        A::FillHoles, EDIT, true, "Fill holes of label", "Fills the chosen label's holes on this frame that are smaller than the size in the tool bar", plain(Key::H);
+        A::RemoveIslands, EDIT, false, "Remove islands of label", "Removes the chosen label's islands on this frame that are smaller than the size in the tool bar; the largest piece stays", plain(Key::I);
         A::UseTool(Tool::Click), EDIT, true, "Click and box tool", "Left click includes, right click excludes, dragging makes a box", plain(Key::V);
         A::UseTool(Tool::Brush), EDIT, false, "Brush tool", "Paints the chosen label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
         A::UseTool(Tool::Eraser), EDIT, false, "Eraser tool", "Takes the chosen label away; Shift+wheel sets the size", plain(Key::X);

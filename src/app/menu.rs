@@ -44,6 +44,7 @@ pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> 
         A::Undo => look.undo.is_some(),
         A::Redo => look.redo.is_some(),
         A::AddLabel => look.root.is_some(),
+        A::FillHoles | A::RemoveIslands => view.label.is_some() && look.project.masks.contains_key(&view.frame),
         A::MakeAnchor | A::ClearFrame => look.project.masks.contains_key(&view.frame),
         A::IncludeHere | A::ExcludeHere => view.pointer_px.is_some(),
         A::ClearLabelHere => view.label.is_some() && look.has_frames(),

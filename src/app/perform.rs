@@ -6,7 +6,7 @@ use super::panels::{add_label, listed};
 use super::view_state::{PathWish, SceneWish};
 use super::{Action, Dialog, Look, Panes, ViewState};
 use crate::masks::Direction;
-use crate::session::Command;
+use crate::session::{Command, TidyRequest};
 
 /// Does an action: changes what is looked at, or hands out commands.
 pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
@@ -34,6 +34,8 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::ClearLabelHere => clear_label(look, view, out),
         Action::ClearFrame => out.push(Command::ClearMask { frame: view.frame }),
         Action::MakeAnchor => out.push(Command::MakeAnchor { frame: view.frame }),
+        Action::FillHoles => tidy(view, view.prefs.tidy_px, 0, out),
+        Action::RemoveIslands => tidy(view, 0, view.prefs.tidy_px, out),
         Action::UseTool(tool) => {
             view.draft.drop_half_made();
             view.tool = tool;
@@ -131,6 +133,12 @@ fn choose_label(look: &Look<'_>, view: &mut ViewState, number: u8) {
 fn click_here(look: &Look<'_>, view: &mut ViewState, include: bool, out: &mut Vec<Command>) {
     if let Some(at_px) = view.pointer_px {
         click_at(look, view, at_px, include, out);
+    }
+}
+
+fn tidy(view: &ViewState, holes_below_px: usize, islands_below_px: usize, out: &mut Vec<Command>) {
+    if let Some(label) = view.label {
+        out.push(Command::Tidy(TidyRequest { frame: view.frame, label, holes_below_px, islands_below_px }));
     }
 }
 

@@ -19,6 +19,8 @@ pub struct Prefs {
     pub brush_px: f64,
     /// Whether the brush stops at the picture's edges.
     pub snap: bool,
+    /// Holes and islands of fewer pixels are filled and removed.
+    pub tidy_px: usize,
     /// Size of points in the 3-D view in screen points.
     pub point_size: f32,
     /// Whether camera frusta are drawn.
@@ -35,6 +37,7 @@ impl Default for Prefs {
             outlines: style.outlines,
             brush_px: 12.0,
             snap: false,
+            tidy_px: 64,
             point_size: 2.0,
             frusta: true,
         }

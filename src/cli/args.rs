@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use super::mask_args::{GroundArgs, MasksArgs, PromptArgs, TraceArgs};
+use super::mask_args::{GroundArgs, MasksArgs, PromptArgs, TidyArgs, TraceArgs};
 use super::values;
 
 /// Turns pictures into labelled 3-D: click, track, reconstruct, vote, measure, export.
@@ -29,6 +29,8 @@ pub(super) enum Verb {
     Prompt(PromptArgs),
     /// Give a thin structure (stem, wire) through some points to a label.
     Trace(TraceArgs),
+    /// Fill small holes of a label on a frame and remove its islands.
+    Tidy(TidyArgs),
     /// Find objects by text on a frame.
     Ground(GroundArgs),
     /// Read or write masks.

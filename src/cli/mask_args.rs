@@ -48,6 +48,25 @@ pub(super) struct TraceArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("what").required(true).multiple(true).args(["holes_below", "islands_below"])))]
+pub(super) struct TidyArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// Frame number, from 0.
+    #[arg(long, value_name = "K")]
+    pub frame: usize,
+    /// The label's name.
+    #[arg(long, value_name = "NAME")]
+    pub label: String,
+    /// Fill holes of fewer pixels.
+    #[arg(long, value_name = "PX", default_value_t = 0, hide_default_value = true)]
+    pub holes_below: usize,
+    /// Remove islands of fewer pixels; the largest piece always stays.
+    #[arg(long, value_name = "PX", default_value_t = 0, hide_default_value = true)]
+    pub islands_below: usize,
+}
+
+#[derive(Debug, Args)]
 pub(super) struct GroundArgs {
     /// The project's folder.
     pub project: PathBuf,

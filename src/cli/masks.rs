@@ -1,10 +1,10 @@
 use anyhow::{Result, bail};
 
 use super::drive::Driver;
-use super::mask_args::{GroundArgs, MasksArgs, MasksVerb, PromptArgs, TraceArgs};
+use super::mask_args::{GroundArgs, MasksArgs, MasksVerb, PromptArgs, TidyArgs, TraceArgs};
 use super::project::label_id;
 use crate::masks::{Click, Prompt, PxBox};
-use crate::session::{Command, PromptRequest, TraceRequest};
+use crate::session::{Command, PromptRequest, TidyRequest, TraceRequest};
 
 pub(super) fn prompt(args: &PromptArgs) -> Result<()> {
     let driver = Driver::open(&args.project)?;
@@ -42,4 +42,11 @@ pub(super) fn trace(args: TraceArgs) -> Result<()> {
     let label = label_id(driver.project()?, &args.label)?;
     let request = TraceRequest { frame: args.frame, label, points_px: args.point, replace: args.replace };
     driver.act_and_save([Command::Trace(request)])
+}
+
+pub(super) fn tidy(args: &TidyArgs) -> Result<()> {
+    let driver = Driver::open(&args.project)?;
+    let label = label_id(driver.project()?, &args.label)?;
+    let (holes_below_px, islands_below_px) = (args.holes_below, args.islands_below);
+    driver.act_and_save([Command::Tidy(TidyRequest { frame: args.frame, label, holes_below_px, islands_below_px })])
 }

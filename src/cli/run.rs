@@ -41,6 +41,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Verb::Label(args) => project::label(args),
         Verb::Prompt(args) => masks::prompt(&args),
         Verb::Trace(args) => masks::trace(args),
+        Verb::Tidy(args) => masks::tidy(&args),
         Verb::Ground(args) => masks::ground(&args),
         Verb::Masks(args) => masks::masks(args),
         Verb::Track(args) => project::track(args),

@@ -27,7 +27,9 @@ mod thin;
 
 pub use components::{Components, Connectivity, components};
 pub use distance::{deepest_point, squared_depth_in, squared_distance_to};
-pub use edit::{PaintRule, assign, compose, erase, fill_polygons, snapped_stroke, stroke, taken_by_others, transfer};
+pub use edit::{
+    PaintRule, assign, compose, erase, fill_polygons, snapped_stroke, stroke, taken_by_others, tidy, transfer,
+};
 pub use error::MaskError;
 pub use formats::{
     Imported, MaskFormat, MaskFrame, encode_palette_png, export_masks, file_stems, import_masks, read_labels_json,

@@ -33,6 +33,7 @@ impl Session {
             Command::Prompt(request) => self.prompt(request),
             Command::Paint(request) => self.paint(request),
             Command::Trace(request) => self.trace(request).map(Some),
+            Command::Tidy(request) => self.tidy(request).map(|()| None),
             Command::MakeAnchor { frame } => self.make_anchor(*frame).map(|()| None),
             Command::ClearMask { frame } => self.clear_mask(*frame).map(|()| None),
             Command::ImportMasks { dir, format } => self.import_masks(dir, format).map(Some),

@@ -45,6 +45,8 @@ pub enum Command {
     Paint(PaintRequest),
     /// Gives a thin structure through some points to a label; the frame becomes an anchor.
     Trace(TraceRequest),
+    /// Fills small holes of a label on a frame and removes its islands; a frame that changes becomes an anchor.
+    Tidy(TidyRequest),
     /// Makes a tracked frame an anchor as it is.
     MakeAnchor {
         /// Frame number.
@@ -146,6 +148,21 @@ pub struct TraceRequest {
     /// `true` = pixels of other labels are taken over too.
     #[serde(default)]
     pub replace: bool,
+}
+
+/// Holes and islands of a label on a frame.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TidyRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// The label; pixels of others stay.
+    pub label: LabelId,
+    /// Holes of fewer pixels are filled; 0 = none.
+    #[serde(default)]
+    pub holes_below_px: usize,
+    /// Islands of fewer pixels are removed, never the largest piece; 0 = none.
+    #[serde(default)]
+    pub islands_below_px: usize,
 }
 
 /// How to track.

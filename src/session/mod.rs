@@ -29,7 +29,7 @@ mod tests;
 
 pub use command::{
     Command, ExportRequest, FuseRequest, NewProject, PaintRequest, PromptRequest, Recipe, ReconstructMethod,
-    ReconstructRequest, TraceRequest, TrackSettings,
+    ReconstructRequest, TidyRequest, TraceRequest, TrackSettings,
 };
 pub use edit::Edit;
 pub use engines::{Engine, EngineKind, engines};

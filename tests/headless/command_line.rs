@@ -206,6 +206,34 @@ fn a_thin_thing_is_traced_through_two_points_and_one_is_not_enough() {
     assert_eq!(info["frames"][1]["mask"], "anchor");
 }
 
+#[test]
+fn holes_are_filled_and_islands_removed() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    let masks = recording.path("holey");
+    std::fs::create_dir(&masks).unwrap();
+    let hole = |x: u32, y: u32| (20..22).contains(&x) && (20..22).contains(&y);
+    let island = |x: u32, y: u32| (50..53).contains(&x) && y == 5;
+    let inside = |x: u32, y: u32| (12..28).contains(&x) && (14..34).contains(&y);
+    GrayImage::from_fn(64, 48, |x, y| Luma([u8::from((inside(x, y) && !hole(x, y)) || island(x, y))]))
+        .save(format!("{masks}/1.png"))
+        .unwrap();
+    done(&["masks", &project, "import", &masks]);
+    let area = || ids(&project, 1).iter().filter(|&&id| id == 1).count();
+    let tidy =
+        |options: &[&str]| done(&[&["tidy", &project, "--frame", "1", "--label", "thing"][..], options].concat());
+    assert!(tidy(&["--holes-below", "4", "--islands-below", "3"]).contains("no holes or islands"));
+    assert_eq!(area(), 16 * 20 - 4 + 3);
+    tidy(&["--holes-below", "5"]);
+    assert_eq!(area(), 16 * 20 + 3);
+    tidy(&["--islands-below", "1000"]);
+    assert_eq!(area(), 16 * 20, "the largest piece stays");
+    let elsewhere = refused(&["tidy", &project, "--frame", "2", "--label", "thing", "--islands-below", "5"]);
+    assert!(elsewhere.contains("'thing' on frame 2") && elsewhere.contains("not on this frame"), "{elsewhere}");
+    assert_eq!(ostra(&["tidy", &project, "--frame", "1", "--label", "thing"]).status.code(), Some(2));
+}
+
 /// Writes a mask file in which `thing` (1) and `wall` (2) are given as columns of the rows 14 to 33.
 fn write_mask(folder: &str, frame: u32, thing: std::ops::Range<u32>, wall: std::ops::Range<u32>) {
     std::fs::create_dir_all(folder).unwrap();

@@ -22,7 +22,7 @@ pub(in crate::app) fn picture_pane_ui(
     view.picture_middle_px = glam::DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])) / 2.0;
     let zoom_percent = view.zoom.map(ui.available_rect_before_wrap(), size_px).scale * ui.pixels_per_point() * 100.0;
     egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 4)).show(ui, |ui| {
-        toolbar_ui(ui, view, zoom_percent, wishes);
+        toolbar_ui(ui, look, view, zoom_percent, wishes);
     });
     let (pane, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let name = format!("Picture {}", frame.name);

@@ -7,6 +7,7 @@ mod brush;
 mod compose;
 mod polygon;
 mod snap;
+mod tidy;
 mod transfer;
 
 pub use assign::{PaintRule, assign, erase};
@@ -15,6 +16,7 @@ pub use compose::{compose, taken_by_others};
 pub use polygon::fill_polygons;
 pub(super) use polygon::polygon_spans;
 pub use snap::snapped_stroke;
+pub use tidy::tidy;
 pub use transfer::transfer;
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ mod paint;
 mod prompt;
 mod reconstruct;
 mod relocate;
+mod tidy;
 mod trace;
 mod track;
 mod traits;

@@ -1,0 +1,21 @@
+use anyhow::{Context, Result};
+
+use super::paint::{anchor, label_name, mask_of};
+use crate::masks::tidy;
+use crate::session::{Edit, Event, Session, TidyRequest};
+
+impl Session {
+    pub(in crate::session) fn tidy(&mut self, request: &TidyRequest) -> Result<()> {
+        let project = self.snapshot()?;
+        let (name, frame) = (label_name(&project, request.label)?, request.frame);
+        let mut mask = mask_of(&project, frame)?;
+        let before = mask.clone();
+        tidy(&mut mask, request.label, request.holes_below_px, request.islands_below_px, &project.labels)
+            .with_context(|| format!("'{name}' on frame {frame}"))?;
+        if mask == before {
+            self.events.push(Event::Notice(format!("{name} on frame {frame} has no holes or islands of that size")));
+            return Ok(());
+        }
+        self.commit(&format!("Tidy {name} on frame {frame}"), vec![Edit::SetMask { frame, mask: Some(anchor(&mask)) }])
+    }
+}
