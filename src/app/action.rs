@@ -91,6 +91,8 @@ pub enum Action {
     ActualSize,
     /// Mask overlay on and off.
     ToggleMasks,
+    /// Preview of a click on and off.
+    ToggleHover,
     /// Outlines on and off.
     ToggleOutlines,
     /// Picture and 3-D.
@@ -271,6 +273,7 @@ const LIST: &[Row] = {
         A::ActualSize, VIEW, false, "Picture at 100 %", "One picture pixel takes one screen pixel", shift(Key::Num0);
         A::ToggleMasks, VIEW, false, "Show masks", "Shows or hides the masks over the picture", plain(Key::M);
         A::ToggleOutlines, VIEW, false, "Show outlines", "Draws a line around every label", plain(Key::O);
+        A::ToggleHover, VIEW, false, "Preview a click", "Shows lightly what a click would give where the pointer rests", shift(Key::V);
         A::FrameCloud, VIEW, true, "Show whole cloud", "Brings the whole cloud into the 3-D view", plain(Key::A);
         A::LookThrough, VIEW, false, "Look through this frame's camera", "Puts the 3-D view where this frame was taken", plain(Key::L);
         A::ToggleTheme, VIEW, true, "Dark or light", "Changes between the dark and the light look", plain(Key::F9);

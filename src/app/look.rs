@@ -1,6 +1,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::masks::RunMask;
 use crate::scene::LabelledCloud;
 use crate::session::{Engine, EngineKind, JobView, Pictures, Project};
 
@@ -17,6 +18,8 @@ pub struct Look<'a> {
     pub inspected: Option<&'a Path>,
     /// Pictures and thumbnails.
     pub pictures: Option<&'a Pictures>,
+    /// What an include click where the pointer rests would give.
+    pub hovered: Option<&'a Arc<RunMask>>,
     /// What is running, oldest first.
     pub jobs: &'a [JobView],
     /// Segmenters, trackers and the rest, installed or not.

@@ -101,6 +101,7 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         Action::Fit => view.zoom.scale = None,
         Action::ActualSize => actual_size(ctx, view),
         Action::ToggleMasks => view.masks_shown = !view.masks_shown,
+        Action::ToggleHover => view.prefs.hover_preview = !view.prefs.hover_preview,
         Action::ToggleOutlines => view.prefs.outlines = !view.prefs.outlines,
         Action::ShowBoth => view.prefs.panes = Panes::Both,
         Action::ShowPicture => view.prefs.panes = Panes::Picture,

@@ -102,6 +102,7 @@ impl Window {
             cloud: self.session.cloud(),
             inspected: self.session.inspected(),
             pictures: self.pictures.as_ref(),
+            hovered: self.session.hovered(),
             jobs: &jobs,
             engines: &self.engines,
             undo: self.session.undo_title(),
@@ -113,6 +114,7 @@ impl Window {
         for command in asked {
             self.act(command);
         }
+        self.session.hover(self.shell.view.hover_wish.clone());
         if let Some(path) = self.shell.view.recipe_to.take() {
             self.save_recipe(&path);
         }

@@ -14,6 +14,7 @@ mod engines;
 pub mod evaluate;
 mod event;
 mod history;
+mod hover;
 mod jobs;
 mod open_project;
 mod pictures;

@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 
 use super::cloud::CloudSlot;
 use super::commands::TrackRun;
+use super::hover::Hover;
 use super::jobs::{Job, Jobs, Kind, Landing};
 use super::prepared::PreparedFrames;
 use super::{Command, Edit, Event, JobId, JobView, OpenProject, Project, Recipe};
@@ -35,6 +36,7 @@ pub struct Session {
     pub(super) prepared: Arc<PreparedFrames>,
     /// Name of the frame that was last asked to be made ready.
     pub(super) preparing: Option<String>,
+    pub(super) hover: Hover,
     /// Which segmenter `auto` was last said to be.
     pub(super) told_segmenter: Option<&'static str>,
 }
@@ -63,6 +65,7 @@ impl Session {
             track: None,
             prepared: Arc::new(PreparedFrames::new(PREPARED_BYTES)),
             preparing: None,
+            hover: Hover::default(),
             told_segmenter: None,
         }
     }

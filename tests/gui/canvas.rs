@@ -174,6 +174,33 @@ fn one_point_of_a_thin_structure_waits_for_the_next() {
 }
 
 #[test]
+fn a_click_is_previewed_where_the_pointer_rests_unless_something_is_sent_or_it_is_turned_off() {
+    let mut harness = Desk::sample().shown();
+    let at = on_screen(&harness, 12.5, 30.5);
+    harness.hover_at(at);
+    harness.run_steps(6);
+    let wish = harness.state().shell.view.hover_wish.clone().unwrap();
+    assert_eq!((wish.frame, wish.label, wish.prompt.clicks.len()), (0, LabelId(1), 1));
+    assert!(wish.prompt.clicks[0].include && wish.prompt.clicks[0].at_px.distance(glam::DVec2::new(12.5, 30.5)) < 0.1);
+    harness.state_mut().hovered = Some(harness.state().project.masks[&0].runs.clone());
+    harness.run_steps(2);
+    assert!(harness.state().asked.is_empty(), "a preview asks for no change");
+
+    press(&mut harness, Modifiers::SHIFT, Key::V);
+    assert!(!harness.state().shell.view.prefs.hover_preview && harness.state().shell.view.hover_wish.is_none());
+    press(&mut harness, Modifiers::SHIFT, Key::V);
+    harness.run_steps(6);
+    assert!(harness.state().shell.view.hover_wish.is_some());
+    click_at(&mut harness, at, PointerButton::Primary);
+    harness.run_steps(6);
+    assert!(harness.state().shell.view.hover_wish.is_none(), "the click is on its way");
+    harness.state_mut().shell.view.draft.forget_sent();
+    press(&mut harness, Modifiers::NONE, Key::P);
+    harness.run_steps(6);
+    assert!(harness.state().shell.view.hover_wish.is_none(), "the brush has none");
+}
+
+#[test]
 fn wheel_zooms_at_the_pointer_and_zero_fits_again() {
     let mut harness = Desk::sample().shown();
     let at = on_screen(&harness, 20.5, 20.5);

@@ -95,6 +95,12 @@ impl Draft {
         }
     }
 
+    /// Whether something was sent that has not arrived in the project yet.
+    #[must_use]
+    pub fn is_sending(&self) -> bool {
+        self.sent_prompt.is_some() || self.sent_stroke.is_some()
+    }
+
     /// Remembers a prompt that was sent.
     pub fn sent(&mut self, frame: usize, label: LabelId, prompt: Prompt) {
         self.sent_prompt = Some((frame, label, prompt));

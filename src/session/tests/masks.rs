@@ -70,6 +70,32 @@ fn a_newer_prompt_takes_the_place_of_one_not_yet_answered() {
     assert_eq!(session.recipe().commands.len(), 1 + 3 + 1 + 1);
 }
 
+/// The prompt of a command made by [`click`].
+fn request(command: Command) -> PromptRequest {
+    let Command::Prompt(request) = command else { panic!("{command:?}") };
+    request
+}
+
+#[test]
+fn a_preview_is_what_the_click_gives_and_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    let before = session.undo_title().map(str::to_owned);
+    session.hover(Some(request(click(STONE, &[(5.5, 5.5)]))));
+    session.hover(Some(request(click(STONE, &[(50.5, 5.5)]))));
+    session.hover(Some(request(click(STONE, &[(30.5, 20.5)]))));
+    session.settle(|_| std::ops::ControlFlow::Continue(()));
+    let shown = session.hovered().unwrap().decode();
+    assert!(session.project().unwrap().masks.is_empty() && session.project().unwrap().prompts.is_empty());
+    assert_eq!(session.undo_title().map(str::to_owned), before);
+    perform(&mut session, click(STONE, &[(30.5, 20.5)])).unwrap();
+    assert_eq!(mask(&session), shown, "the newest wish was answered");
+    assert!(session.hovered().is_none(), "a click ends the preview");
+    session.hover(Some(request(click(STONE, &[(200.0, 20.5)]))));
+    let events = session.settle(|_| std::ops::ControlFlow::Continue(()));
+    assert!(session.hovered().is_none() && events.is_empty(), "what cannot be shown is not told: {events:?}");
+}
+
 #[test]
 fn parts_keep_their_pixels_and_others_prompted_keep_theirs() {
     let folder = tempfile::tempdir().unwrap();
