@@ -71,12 +71,18 @@ pub enum Action {
     CopyMask,
     /// Puts the remembered mask onto the range.
     PasteMask,
+    /// Fills small holes of the chosen label.
+    FillHoles,
+    /// Removes small islands of the chosen label.
+    RemoveIslands,
     /// Chooses a tool.
     UseTool(Tool),
     /// Smaller brush.
     SmallerBrush,
     /// Larger brush.
     LargerBrush,
+    /// Brush that stops at edges, on and off.
+    ToggleSnap,
     /// One frame back.
     PreviousFrame,
     /// One frame on.
@@ -99,6 +105,8 @@ pub enum Action {
     TrackBackward,
     /// Carries the chosen label anew between the anchors next to this one.
     Retrack,
+    /// Looks for things that no label explains.
+    Suggest,
     /// Makes cameras and depths.
     Reconstruct,
     /// Makes the labelled cloud.
@@ -117,6 +125,8 @@ pub enum Action {
     CompareBefore,
     /// Labels × frames below the picture, or not.
     ToggleTimeline,
+    /// Preview of a click on and off.
+    ToggleHover,
     /// Outlines on and off.
     ToggleOutlines,
     /// Picture and 3-D.
@@ -298,12 +308,16 @@ const LIST: &[Row] = {
         A::InterpolateRange, RANGE, false, "Interpolate label over range", "Puts shapes between those on the first and the last frame of the range", plain(Key::Y);
         A::CopyMask, RANGE, true, "Copy label's mask", "Remembers the chosen label's mask on this frame", shift(Key::C);
         A::PasteMask, RANGE, false, "Paste label's mask", "Puts the remembered mask onto the range; its frames become anchors", shift(Key::V);
+        A::FillHoles, EDIT, true, "Fill holes of label", "Fills the chosen label's holes on this frame that are smaller than the size in the tool bar", shift(Key::H);
+        A::RemoveIslands, EDIT, false, "Remove islands of label", "Removes the chosen label's islands on this frame that are smaller than the size in the tool bar; the largest piece stays", shift(Key::K);
         A::UseTool(Tool::Click), EDIT, true, "Click and box tool", "Left click includes, right click excludes, dragging makes a box", plain(Key::V);
         A::UseTool(Tool::Brush), EDIT, false, "Brush tool", "Paints the chosen label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
         A::UseTool(Tool::Eraser), EDIT, false, "Eraser tool", "Takes the chosen label away; Shift+wheel sets the size", plain(Key::X);
-        A::UseTool(Tool::Polygon), EDIT, false, "Polygon tool", "Click corners; Enter or a double click fills the polygon", plain(Key::G);
+        A::UseTool(Tool::Polygon), EDIT, false, "Polygon tool", "Click corners; Enter or a double click fills the polygon, Backspace or right click takes the last one", plain(Key::G);
+        A::UseTool(Tool::Thin), EDIT, false, "Thin-structure tool", "Click two or more points along a stem or wire; Enter or a double click traces it, Backspace or right click takes the last one", plain(Key::W);
         A::SmallerBrush, EDIT, false, "Smaller brush", "Makes the brush smaller", plain(Key::OpenBracket);
         A::LargerBrush, EDIT, false, "Larger brush", "Makes the brush larger", plain(Key::CloseBracket);
+        A::ToggleSnap, EDIT, false, "Snap brush to edges", "The brush stops at edges of the picture that the inner half of its radius does not cross", plain(Key::S);
         A::ShowBoth, VIEW, false, "Picture and 3-D", "Shows picture and 3-D view side by side", ctrl(Key::Num1);
         A::ShowPicture, VIEW, false, "Picture alone", "Shows only the picture", ctrl(Key::Num2);
         A::ShowScene, VIEW, false, "3-D alone", "Shows only the 3-D view", ctrl(Key::Num3);
@@ -311,8 +325,9 @@ const LIST: &[Row] = {
         A::ActualSize, VIEW, false, "Picture at 100 %", "One picture pixel takes one screen pixel", shift(Key::Num0);
         A::ToggleMasks, VIEW, false, "Show masks", "Shows or hides the masks over the picture", plain(Key::M);
         A::ToggleOutlines, VIEW, false, "Show outlines", "Draws a line around every label", plain(Key::O);
-        A::CompareBefore, VIEW, false, "Compare with before", "Shows this frame's masks before the last step that changed them, and back", plain(Key::W);
+        A::CompareBefore, VIEW, false, "Compare with before", "Shows this frame's masks before the last step that changed them, and back", plain(Key::F4);
         A::ToggleTimeline, VIEW, false, "Show timeline", "Shows or hides the grid of labels and frames above the filmstrip", plain(Key::F2);
+        A::ToggleHover, VIEW, false, "Preview a click", "Shows lightly what a click would give where the pointer rests", plain(Key::F3);
         A::FrameCloud, VIEW, true, "Show whole cloud", "Brings the whole cloud into the 3-D view", plain(Key::A);
         A::LookThrough, VIEW, false, "Look through this frame's camera", "Puts the 3-D view where this frame was taken", plain(Key::L);
         A::ToggleTheme, VIEW, true, "Dark or light", "Changes between the dark and the light look", plain(Key::F9);
@@ -327,10 +342,11 @@ const LIST: &[Row] = {
         A::TrackForward, RUN, false, "Track forward from here", "Carries masks from this frame to later ones", plain(Key::F);
         A::TrackBackward, RUN, false, "Track backward from here", "Carries masks from this frame to earlier ones", plain(Key::B);
         A::Retrack, RUN, false, "Re-track this label around this frame", "Carries the chosen label anew up to the anchors next to this one; other labels stay", shift(Key::T);
+        A::Suggest, RUN, false, "Look for unlabelled objects", "Offers areas without a label that move or stand apart", ctrl(Key::L);
         A::Reconstruct, RUN, true, "Reconstruct", "Makes cameras and depths with the settings of the Reconstruct panel", plain(Key::R);
         A::Fuse, RUN, false, "Fuse", "Makes the labelled cloud: every point takes the label most views vote for", plain(Key::U);
         A::Stop, RUN, true, "Stop", "Stops what is running; what is finished is kept", None;
-        A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke or polygon; otherwise stops what is running", plain(Key::Escape);
+        A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke, polygon or thin structure; otherwise stops what is running", plain(Key::Escape);
         A::Palette, HELP, false, "Find action…", "Lists all actions; type to narrow the list", ctrl(Key::P);
         A::ShortcutSheet, HELP, false, "Shortcuts…", "Shows all shortcuts and lets you change them", plain(Key::Questionmark);
     }

@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use crate::masks::RunMask;
 use crate::scene::LabelledCloud;
-use crate::session::{Engine, EngineKind, Estimate, JobView, Pictures, Project};
+use crate::session::{Engine, EngineKind, Estimate, JobView, Pictures, Project, Suggestion};
 
 /// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
 #[derive(Clone, Copy)]
@@ -18,6 +18,8 @@ pub struct Look<'a> {
     pub inspected: Option<&'a Path>,
     /// Pictures and thumbnails.
     pub pictures: Option<&'a Pictures>,
+    /// What an include click where the pointer rests would give.
+    pub hovered: Option<&'a Arc<RunMask>>,
     /// What is running, oldest first.
     pub jobs: &'a [JobView],
     /// Segmenters, trackers and the rest, installed or not.
@@ -30,6 +32,8 @@ pub struct Look<'a> {
     pub recent: &'a [PathBuf],
     /// The shown frame's mask before the last step that changed it, while the two are compared.
     pub before: Option<&'a Arc<RunMask>>,
+    /// Things found that no label explains.
+    pub suggestions: &'a [Suggestion],
     /// Work by hand on masks since the session began.
     pub interactions: usize,
     /// How good the masks probably are.

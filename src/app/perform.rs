@@ -7,7 +7,7 @@ use super::ranges::{is_range_change, next_doubtful, range_request, set_range, sp
 use super::view_state::{IntoWish, PathWish, SceneWish};
 use super::{Action, Dialog, Look, Panes, ViewState};
 use crate::masks::Direction;
-use crate::session::Command;
+use crate::session::{Command, TidyRequest};
 
 /// Does an action: changes what is looked at, or hands out commands.
 pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
@@ -38,16 +38,20 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::RangeFrom | Action::RangeTo | Action::DropRange => set_range(action, view),
         Action::CopyMask => view.copied = view.label.map(|label| (label, view.frame)),
         _ if is_range_change(action) => out.extend(range_request(action, look, view).map(Command::Range)),
+        Action::FillHoles => tidy(view, view.prefs.tidy_px, 0, out),
+        Action::RemoveIslands => tidy(view, 0, view.prefs.tidy_px, out),
         Action::UseTool(tool) => {
             view.draft.drop_half_made();
             view.tool = tool;
         }
         Action::SmallerBrush => view.prefs.brush_px = (view.prefs.brush_px / 1.2).max(0.5),
         Action::LargerBrush => view.prefs.brush_px = (view.prefs.brush_px * 1.2).min(500.0),
+        Action::ToggleSnap => view.prefs.snap = !view.prefs.snap,
         Action::Track => out.push(Command::Track(view.track.clone())),
         Action::TrackForward => track_from_here(view, Direction::Forward, out),
         Action::TrackBackward => track_from_here(view, Direction::Backward, out),
         Action::Retrack => out.extend(view.retracking(look).map(Command::Track)),
+        Action::Suggest => out.push(Command::Suggest),
         Action::Reconstruct => out.push(Command::Reconstruct(view.reconstruct.clone())),
         Action::Fuse => out.push(Command::Fuse(view.fuse.clone())),
         Action::Stop => out.push(Command::Stop),
@@ -96,6 +100,7 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         Action::ToggleMasks => view.masks_shown = !view.masks_shown,
         Action::CompareBefore => view.compare = !view.compare,
         Action::ToggleTimeline => view.prefs.timeline = !view.prefs.timeline,
+        Action::ToggleHover => view.prefs.hover_preview = !view.prefs.hover_preview,
         Action::ToggleOutlines => view.prefs.outlines = !view.prefs.outlines,
         Action::ShowBoth => view.prefs.panes = Panes::Both,
         Action::ShowPicture => view.prefs.panes = Panes::Picture,
@@ -128,6 +133,12 @@ fn choose_label(look: &Look<'_>, view: &mut ViewState, number: u8) {
 fn click_here(look: &Look<'_>, view: &mut ViewState, include: bool, out: &mut Vec<Command>) {
     if let Some(at_px) = view.pointer_px {
         click_at(look, view, at_px, include, out);
+    }
+}
+
+fn tidy(view: &ViewState, holes_below_px: usize, islands_below_px: usize, out: &mut Vec<Command>) {
+    if let Some(label) = view.label {
+        out.push(Command::Tidy(TidyRequest { frame: view.frame, label, holes_below_px, islands_below_px }));
     }
 }
 

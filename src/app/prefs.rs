@@ -17,6 +17,12 @@ pub struct Prefs {
     pub outlines: bool,
     /// Radius of brush and eraser in picture pixels.
     pub brush_px: f64,
+    /// Whether a click is previewed where the pointer rests.
+    pub hover_preview: bool,
+    /// Whether the brush stops at the picture's edges.
+    pub snap: bool,
+    /// Holes and islands of fewer pixels are filled and removed.
+    pub tidy_px: usize,
     /// Size of points in the 3-D view in screen points.
     pub point_size: f32,
     /// Whether camera frusta are drawn.
@@ -36,6 +42,9 @@ impl Default for Prefs {
             opacity: style.opacity,
             outlines: style.outlines,
             brush_px: 12.0,
+            hover_preview: true,
+            snap: false,
+            tidy_px: 64,
             point_size: 2.0,
             frusta: true,
             timeline: true,

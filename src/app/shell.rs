@@ -6,7 +6,7 @@ use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
     HEAT_HEIGHT, ScenePane, cloud_labels_ui, filmstrip_ui, fuse_ui, heat_ui, jobs_ui, labels_ui, reconstruct_ui,
-    results_ui, segmenter_ui, status_ui, timeline_ui, track_ui, welcome_ui,
+    results_ui, segmenter_ui, status_ui, suggestions_ui, timeline_ui, track_ui, welcome_ui,
 };
 use super::perform::perform;
 use super::textures::Textures;
@@ -99,6 +99,9 @@ impl Shell {
         side_panel(Panel::right("work"), 262.0).show(ui, |ui| {
             scrolled(ui, "right", |ui| {
                 section(ui, "Track", true, |ui| track_ui(ui, look, view, wishes));
+                section(ui, "Suggestions", !look.suggestions.is_empty(), |ui| {
+                    suggestions_ui(ui, look, view, out, wishes);
+                });
                 section(ui, "Reconstruct", true, |ui| reconstruct_ui(ui, look, view, wishes));
                 section(ui, "Fuse", true, |ui| fuse_ui(ui, look, view, wishes));
                 section(ui, "Results", false, |ui| results_ui(ui, look));

@@ -20,13 +20,14 @@ impl Shortcuts {
         self.changed.get(&action).copied().unwrap_or_else(|| action.default_keys())
     }
 
-    /// Gives an action other keys; whichever action had them loses them.
-    pub fn set(&mut self, action: Action, keys: KeyboardShortcut) {
+    /// Gives an action other keys; whichever action had them loses them, and is returned.
+    pub fn set(&mut self, action: Action, keys: KeyboardShortcut) -> Option<Action> {
         let holder = Action::all().find(|&other| other != action && self.keys(other).is_some_and(|k| same(k, keys)));
         if let Some(holder) = holder {
             self.changed.insert(holder, None);
         }
         self.changed.insert(action, Some(keys));
+        holder
     }
 
     /// All as at first.
@@ -129,7 +130,7 @@ mod tests {
     fn changing_takes_keys_from_the_holder() {
         let mut shortcuts = Shortcuts::default();
         let q = KeyboardShortcut::new(Modifiers::NONE, Key::Q);
-        shortcuts.set(Action::Fuse, q);
+        assert_eq!(shortcuts.set(Action::Fuse, q), Some(Action::IncludeHere));
         assert_eq!(shortcuts.keys(Action::Fuse), Some(q));
         assert_eq!(shortcuts.keys(Action::IncludeHere), None);
         assert_eq!(shortcuts.conflicts(), []);

@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
@@ -13,6 +13,7 @@ use crate::view::{OverlayStyle, overlay};
 pub(super) struct Textures {
     picture: Option<(Arc<Image>, TextureHandle)>,
     mask: Option<MaskTexture>,
+    hovered: Option<MaskTexture>,
     thumbnails: BTreeMap<usize, Thumbnail>,
     clock: u64,
 }
@@ -29,6 +30,9 @@ struct Thumbnail {
     texture: TextureHandle,
     seen: u64,
 }
+
+/// Opacity of the preview of a click.
+const HOVER_OPACITY: f32 = 0.25;
 
 /// Thumbnails kept on the GPU.
 const THUMBNAILS_KEPT: usize = 300;
@@ -71,26 +75,13 @@ impl Textures {
         tree: &LabelTree,
         style: &OverlayStyle,
     ) -> TextureHandle {
-        if let Some(shown) = &self.mask
-            && (Arc::ptr_eq(&shown.runs, runs) || shown.runs == *runs)
-            && shown.style == *style
-            && shown.tree == *tree
-        {
-            return shown.texture.clone();
-        }
-        let pixels = overlay(&runs.decode(), tree, style);
-        let color = |i: usize| {
-            let [r, g, b, a] = pixels[i];
-            Color32::from_rgba_unmultiplied(r, g, b, a)
-        };
-        let texture = ctx.load_texture("mask", fitted(ctx, runs.width, runs.height, color), PIXELS);
-        self.mask = Some(MaskTexture {
-            runs: Arc::clone(runs),
-            tree: tree.clone(),
-            style: style.clone(),
-            texture: texture.clone(),
-        });
-        texture
+        mask_texture(&mut self.mask, ctx, runs, tree, style)
+    }
+
+    /// The texture of what a click would give: lightly over everything.
+    pub fn hovered(&mut self, ctx: &Context, runs: &Arc<RunMask>, tree: &LabelTree) -> TextureHandle {
+        let style = OverlayStyle { opacity: HOVER_OPACITY, outlines: true, hidden: BTreeSet::new() };
+        mask_texture(&mut self.hovered, ctx, runs, tree, &style)
     }
 
     /// The texture of a thumbnail.
@@ -117,6 +108,32 @@ impl Textures {
             self.thumbnails.remove(&oldest);
         }
     }
+}
+
+/// The texture kept, made anew where it shows something else.
+fn mask_texture(
+    kept: &mut Option<MaskTexture>,
+    ctx: &Context,
+    runs: &Arc<RunMask>,
+    tree: &LabelTree,
+    style: &OverlayStyle,
+) -> TextureHandle {
+    if let Some(shown) = kept
+        && (Arc::ptr_eq(&shown.runs, runs) || shown.runs == *runs)
+        && shown.style == *style
+        && shown.tree == *tree
+    {
+        return shown.texture.clone();
+    }
+    let pixels = overlay(&runs.decode(), tree, style);
+    let color = |i: usize| {
+        let [r, g, b, a] = pixels[i];
+        Color32::from_rgba_unmultiplied(r, g, b, a)
+    };
+    let texture = ctx.load_texture("mask", fitted(ctx, runs.width, runs.height, color), PIXELS);
+    let (tree, style) = (tree.clone(), style.clone());
+    *kept = Some(MaskTexture { runs: Arc::clone(runs), tree, style, texture: texture.clone() });
+    texture
 }
 
 fn opaque([r, g, b]: [u8; 3]) -> Color32 {

@@ -3,13 +3,13 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::canvas::{Draft, Tool, ZoomState};
+use super::canvas::{Draft, Rest, Tool, ZoomState};
 use super::dialogs::{ExportForm, NewProjectForm, PathPicker, SheetState};
 use super::panels::{LabelEditing, PointCounts};
 use super::presence::Presence;
 use super::{Look, Notices, Prefs};
 use crate::masks::{Direction, LabelId};
-use crate::session::{FuseRequest, ReconstructMethod, ReconstructRequest, TrackSettings};
+use crate::session::{FuseRequest, PromptRequest, ReconstructMethod, ReconstructRequest, TrackSettings};
 use crate::view::Coloring;
 
 /// All that belongs to looking and not to the project: the frame shown, the tool, the eye. Never saved with a project.
@@ -78,6 +78,10 @@ pub struct ViewState {
     pub reveal_frame: bool,
     /// Asks the 3-D view to do something once.
     pub scene_wish: Option<SceneWish>,
+    /// Where the pointer rests over the picture.
+    pub rest: Option<Rest>,
+    /// The prompt that a click there would send, to be previewed.
+    pub hover_wish: Option<PromptRequest>,
     /// Picture position under the pointer, in pixels.
     pub pointer_px: Option<glam::DVec2>,
     /// Middle of the shown picture, in pixels.
@@ -183,6 +187,8 @@ impl ViewState {
             note: String::new(),
             reveal_frame: true,
             scene_wish: None,
+            rest: None,
+            hover_wish: None,
             pointer_px: None,
             picture_middle_px: glam::DVec2::ZERO,
         }

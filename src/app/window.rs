@@ -107,12 +107,14 @@ impl Window {
             cloud: self.session.cloud(),
             inspected: self.session.inspected(),
             pictures: self.pictures.as_ref(),
+            hovered: self.session.hovered(),
             jobs: &jobs,
             engines: &self.engines,
             undo: self.session.undo_title(),
             redo: self.session.redo_title(),
             recent: self.recent.paths(),
             before: before.as_ref(),
+            suggestions: self.session.suggestions(),
             interactions: self.session.interactions(),
             estimate: self.estimate,
         };
@@ -121,6 +123,7 @@ impl Window {
         for command in asked {
             self.act(command);
         }
+        self.session.hover(self.shell.view.hover_wish.clone());
         if let Some(path) = self.shell.view.recipe_to.take() {
             self.save_recipe(&path);
         }

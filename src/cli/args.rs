@@ -1,8 +1,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use glam::DVec2;
 
+use super::mask_args::{GroundArgs, MasksArgs, PromptArgs, TidyArgs, TraceArgs};
 use super::values;
 
 /// Turns pictures into labelled 3-D: click, track, reconstruct, vote, measure, export.
@@ -27,6 +27,10 @@ pub(super) enum Verb {
     Label(LabelArgs),
     /// Set what is given for a label on a frame (clicks, boxes) and segment it.
     Prompt(PromptArgs),
+    /// Give a thin structure (stem, wire) through some points to a label.
+    Trace(TraceArgs),
+    /// Fill small holes of a label on a frame and remove its islands.
+    Tidy(TidyArgs),
     /// Find objects by text on a frame.
     Ground(GroundArgs),
     /// Read or write masks.
@@ -35,6 +39,11 @@ pub(super) enum Verb {
     Track(TrackArgs),
     /// Delete, lock, hide, merge, split, interpolate or copy labels over a range of frames.
     Range(super::range::RangeArgs),
+    /// List areas that no label explains and that move or stand apart.
+    Suggest {
+        /// The project's folder.
+        project: PathBuf,
+    },
     /// Make cameras and depths.
     Reconstruct(ReconstructArgs),
     /// Make the labelled cloud by a vote of all views.
@@ -152,67 +161,6 @@ pub(super) struct LabelArgs {
     /// Its colour.
     #[arg(long, value_name = "#rrggbb", value_parser = values::color)]
     pub color: Option<[u8; 3]>,
-}
-
-#[derive(Debug, Args)]
-pub(super) struct PromptArgs {
-    /// The project's folder.
-    pub project: PathBuf,
-    /// Frame number, from 0.
-    #[arg(long, value_name = "K")]
-    pub frame: usize,
-    /// The label's name.
-    #[arg(long, value_name = "NAME")]
-    pub label: String,
-    /// Pixels that belong to it.
-    #[arg(long, num_args = 1.., value_name = "X,Y", value_parser = values::point)]
-    pub click: Vec<DVec2>,
-    /// Pixels that do not.
-    #[arg(long, num_args = 1.., value_name = "X,Y", value_parser = values::point)]
-    pub not: Vec<DVec2>,
-    /// Boxes around it.
-    #[arg(long = "box", num_args = 1.., value_name = "X0,Y0,X1,Y1", value_parser = values::px_box)]
-    pub boxes: Vec<[DVec2; 2]>,
-    /// auto, sam or builtin.
-    #[arg(long, default_value = "auto", value_name = "NAME")]
-    pub segmenter: String,
-}
-
-#[derive(Debug, Args)]
-pub(super) struct GroundArgs {
-    /// The project's folder.
-    pub project: PathBuf,
-    /// Frame number, from 0.
-    #[arg(long, value_name = "K")]
-    pub frame: usize,
-    /// Phrases separated by ';'.
-    #[arg(long)]
-    pub text: String,
-    /// Boxes scored below this are left out.
-    #[arg(long, default_value = "0.3", value_parser = values::share)]
-    pub threshold: f32,
-    /// auto, grounding-dino or yolox.
-    #[arg(long, default_value = "auto", value_name = "NAME")]
-    pub grounder: String,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum MasksVerb {
-    Import,
-    Export,
-}
-
-#[derive(Debug, Args)]
-pub(super) struct MasksArgs {
-    /// The project's folder.
-    pub project: PathBuf,
-    /// import or export.
-    pub verb: MasksVerb,
-    /// Folder of mask files.
-    pub dir: PathBuf,
-    /// davis, binary, coco or yolo.
-    #[arg(long, default_value = "davis", value_parser = ["davis", "binary", "coco", "yolo"])]
-    pub format: String,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

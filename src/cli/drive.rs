@@ -9,7 +9,7 @@ use anyhow::{Context, Result, anyhow};
 
 use super::print::say;
 use crate::scene::LabelledCloud;
-use crate::session::{Command, Event, JobView, Project, Session};
+use crate::session::{Command, Event, JobView, Project, Session, Suggestion};
 
 /// Ctrl+C was pressed; what was finished is kept.
 #[derive(Debug, Clone, Copy, thiserror::Error)]
@@ -60,6 +60,11 @@ impl Driver {
             self.settle()?;
         }
         self.session.cloud().cloned().context("the project has no cloud yet; make one with 'ostra fuse'")
+    }
+
+    /// What the last search for unlabelled things found.
+    pub(super) fn suggestions(&self) -> &[Suggestion] {
+        self.session.suggestions()
     }
 
     fn settle(&mut self) -> Result<()> {

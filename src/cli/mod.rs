@@ -10,6 +10,8 @@ mod demo;
 mod drive;
 mod eval;
 mod info;
+mod mask_args;
+mod masks;
 mod print;
 mod project;
 mod range;

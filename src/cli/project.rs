@@ -1,48 +1,14 @@
 use anyhow::{Context, Result, bail};
 
-use super::args::{
-    ExportArgs, FuseArgs, GroundArgs, LabelArgs, MasksArgs, MasksVerb, Method, PromptArgs, ReconstructArgs, TrackArgs,
-    Way,
-};
+use super::args::{ExportArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, TrackArgs, Way};
 use super::drive::Driver;
-use crate::masks::{Click, Direction, LabelId, Prompt, PxBox};
+use crate::masks::{Direction, LabelId};
 use crate::session::{
-    Command, ExportRequest, FuseRequest, Project, PromptRequest, ReconstructMethod, ReconstructRequest, TrackSettings,
+    Command, ExportRequest, FuseRequest, Project, ReconstructMethod, ReconstructRequest, TrackSettings,
 };
 
 pub(super) fn label(args: LabelArgs) -> Result<()> {
     let command = Command::AddLabel { name: args.name, parent: args.parent, color: args.color };
-    Driver::open(&args.project)?.act_and_save([command])
-}
-
-pub(super) fn prompt(args: &PromptArgs) -> Result<()> {
-    let driver = Driver::open(&args.project)?;
-    let label = label_id(driver.project()?, &args.label)?;
-    let click = |include| move |&at_px| Click { at_px, include };
-    let clicks = args.click.iter().map(click(true)).chain(args.not.iter().map(click(false))).collect();
-    let boxes = args.boxes.iter().map(|&[min_px, max_px]| PxBox { min_px, max_px }).collect();
-    let request =
-        PromptRequest { frame: args.frame, label, prompt: Prompt { clicks, boxes }, segmenter: args.segmenter.clone() };
-    driver.act_and_save([Command::Prompt(request)])
-}
-
-pub(super) fn ground(args: &GroundArgs) -> Result<()> {
-    Driver::open(&args.project)?;
-    bail!(
-        "grounder '{}' needs a network, and this version cannot run one yet: prompt '{}' on frame {} (boxes above {}) with --click or --box instead",
-        args.grounder,
-        args.text,
-        args.frame,
-        args.threshold
-    )
-}
-
-pub(super) fn masks(args: MasksArgs) -> Result<()> {
-    let (dir, format) = (args.dir, args.format);
-    let command = match args.verb {
-        MasksVerb::Import => Command::ImportMasks { dir, format },
-        MasksVerb::Export => Command::ExportMasks { dir, format },
-    };
     Driver::open(&args.project)?.act_and_save([command])
 }
 
@@ -71,6 +37,7 @@ pub(super) fn track(args: TrackArgs) -> Result<()> {
     driver.act_and_save([Command::Track(settings)])
 }
 
+/// The label of this name.
 pub(super) fn label_id(project: &Project, name: &str) -> Result<LabelId> {
     let known = &project.labels;
     let label = known.by_name(name).with_context(|| {

@@ -6,7 +6,8 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches};
 
 use super::args::{Cli, ModelsVerb, Verb};
 use super::drive::{Driver, Interrupted};
-use super::{demo, eval, info, project, range, shot, sources};
+use super::print::say;
+use super::{demo, eval, info, masks, project, range, shot, sources};
 use crate::session::{Command, Recipe};
 
 /// The program: reads the words, does the job, gives the exit code (0 done, 1 failed, 2 usage, 130 stopped).
@@ -39,11 +40,14 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
             Driver::open(&args.project)?.act_and_save([Command::AddFrames(new)])
         }
         Verb::Label(args) => project::label(args),
-        Verb::Prompt(args) => project::prompt(&args),
-        Verb::Ground(args) => project::ground(&args),
-        Verb::Masks(args) => project::masks(args),
+        Verb::Prompt(args) => masks::prompt(&args),
+        Verb::Trace(args) => masks::trace(args),
+        Verb::Tidy(args) => masks::tidy(&args),
+        Verb::Ground(args) => masks::ground(&args),
+        Verb::Masks(args) => masks::masks(args),
         Verb::Track(args) => project::track(args),
         Verb::Range(args) => range::range(&args),
+        Verb::Suggest { project } => suggest(&project),
         Verb::Reconstruct(args) => project::reconstruct(args),
         Verb::Fuse(args) => project::fuse(args),
         Verb::Export(args) => project::export(args),
@@ -79,4 +83,13 @@ fn models(verb: &ModelsVerb) -> Result<()> {
         "{}: networks need the ONNX Runtime engine, which this version does not have yet; use the built-in segmenter and the geometry tracker",
         asked.display()
     )
+}
+
+fn suggest(project: &Path) -> Result<()> {
+    let mut driver = Driver::open(project)?;
+    driver.act(Command::Suggest)?;
+    for found in driver.suggestions() {
+        say(&format!("{}, at {:.0},{:.0}\n", found.text(), found.at_px.x, found.at_px.y));
+    }
+    Ok(())
 }

@@ -23,11 +23,14 @@ mod robot;
 mod runs;
 mod score;
 mod seam;
+mod thin;
+mod unexplained;
 
 pub use components::{Components, Connectivity, components};
 pub use distance::{deepest_point, squared_depth_in, squared_distance_to};
 pub use edit::{
-    PaintRule, ShapeBlend, assign, compose, erase, fill_polygons, hold, nearer_part, stroke, taken_by_others, transfer,
+    PaintRule, ShapeBlend, assign, compose, erase, fill_polygons, hold, nearer_part, snapped_stroke, stroke,
+    taken_by_others, tidy, transfer,
 };
 pub use error::MaskError;
 pub use formats::{
@@ -45,3 +48,5 @@ pub use robot::{LabelClick, next_click, next_label_click};
 pub use runs::{Extent, RunMask};
 pub use score::{FramePair, FrameScore, LabelScore, MaskScore, ScoreOptions, boundary_f, score_masks, score_pairs};
 pub use seam::{Direction, PreparedFrame, SegmentRequest, Segmenter, TrackRequest, TrackedFrame, Tracker};
+pub use thin::trace;
+pub use unexplained::{Apartness, Unexplained};

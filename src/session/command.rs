@@ -43,6 +43,10 @@ pub enum Command {
     Prompt(PromptRequest),
     /// Brush, eraser or polygon on a frame's mask; the frame becomes an anchor.
     Paint(PaintRequest),
+    /// Gives a thin structure through some points to a label; the frame becomes an anchor.
+    Trace(TraceRequest),
+    /// Fills small holes of a label on a frame and removes its islands; a frame that changes becomes an anchor.
+    Tidy(TidyRequest),
     /// Makes a tracked frame an anchor as it is.
     MakeAnchor {
         /// Frame number.
@@ -71,6 +75,8 @@ pub enum Command {
     },
     /// Carries anchors' masks through the sequence.
     Track(TrackSettings),
+    /// Looks for things that no label explains.
+    Suggest,
     /// Makes cameras and depths.
     Reconstruct(ReconstructRequest),
     /// Makes the labelled cloud.
@@ -90,7 +96,8 @@ impl Command {
     #[must_use]
     pub fn is_interaction(&self) -> bool {
         use Command as C;
-        matches!(self, C::Prompt(_) | C::Paint(_) | C::Range(_) | C::MakeAnchor { .. } | C::ClearMask { .. })
+        let on_a_frame = matches!(self, C::Prompt(_) | C::Paint(_) | C::Trace(_) | C::Tidy(_));
+        on_a_frame || matches!(self, C::Range(_) | C::MakeAnchor { .. } | C::ClearMask { .. })
     }
 }
 
@@ -137,6 +144,39 @@ pub struct PaintRequest {
     pub erase: bool,
     /// `true` = pixels of other labels are taken over too.
     pub replace: bool,
+    /// `true` = the brush stops at the picture's edges on which the inner half of its radius does not lie; a polygon
+    /// is filled as it is.
+    #[serde(default)]
+    pub snap: bool,
+}
+
+/// A thin structure (stem, wire) on a frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TraceRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// The label that gets its pixels.
+    pub label: LabelId,
+    /// Two points along it or more, in pixels; it ends at the first and the last.
+    pub points_px: Vec<DVec2>,
+    /// `true` = pixels of other labels are taken over too.
+    #[serde(default)]
+    pub replace: bool,
+}
+
+/// Holes and islands of a label on a frame.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TidyRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// The label; pixels of others stay.
+    pub label: LabelId,
+    /// Holes of fewer pixels are filled; 0 = none.
+    #[serde(default)]
+    pub holes_below_px: usize,
+    /// Islands of fewer pixels are removed, never the largest piece; 0 = none.
+    #[serde(default)]
+    pub islands_below_px: usize,
 }
 
 /// A change of labels over a range of frames.

@@ -37,7 +37,6 @@ impl Project {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::session::Edit;
     use crate::session::tests::making::{anchor, project, tracked};
 

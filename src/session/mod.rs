@@ -15,6 +15,7 @@ mod estimate;
 pub mod evaluate;
 mod event;
 mod history;
+mod hover;
 mod jobs;
 mod marks;
 mod open_project;
@@ -26,12 +27,13 @@ mod recent;
 mod session;
 mod stale;
 pub mod store;
+mod suggestion;
 #[cfg(test)]
 mod tests;
 
 pub use command::{
     Command, ExportRequest, FuseRequest, NewProject, PaintRequest, PromptRequest, RangeChange, RangeRequest, Recipe,
-    ReconstructMethod, ReconstructRequest, TrackSettings,
+    ReconstructMethod, ReconstructRequest, TidyRequest, TraceRequest, TrackSettings,
 };
 pub use edit::Edit;
 pub use engines::{Engine, EngineKind, engines};
@@ -44,3 +46,4 @@ pub use pictures::Pictures;
 pub use project::{FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
 pub use recent::Recent;
 pub use session::Session;
+pub use suggestion::Suggestion;

@@ -7,9 +7,10 @@ use anyhow::{Context, Result, bail};
 
 use super::cloud::CloudSlot;
 use super::commands::TrackRun;
+use super::hover::Hover;
 use super::jobs::{Job, Jobs, Kind, Landing};
 use super::prepared::PreparedFrames;
-use super::{Command, Edit, Event, JobId, JobView, OpenProject, Project, Recipe};
+use super::{Command, Edit, Event, JobId, JobView, OpenProject, Project, Recipe, Suggestion};
 use crate::frames::FrameStore;
 use crate::masks::RunMask;
 
@@ -36,9 +37,11 @@ pub struct Session {
     pub(super) prepared: Arc<PreparedFrames>,
     /// Name of the frame that was last asked to be made ready.
     pub(super) preparing: Option<String>,
+    pub(super) hover: Hover,
     /// Which segmenter `auto` was last said to be.
     pub(super) told_segmenter: Option<&'static str>,
     pub(super) interactions: usize,
+    pub(super) suggestions: Vec<Suggestion>,
 }
 
 /// The job that writes a checkpoint while work goes on.
@@ -65,8 +68,10 @@ impl Session {
             track: None,
             prepared: Arc::new(PreparedFrames::new(PREPARED_BYTES)),
             preparing: None,
+            hover: Hover::default(),
             told_segmenter: None,
             interactions: 0,
+            suggestions: Vec::new(),
         }
     }
 

@@ -1,9 +1,10 @@
 //! What the pointer does on the picture.
 
 use egui::{Key, Modifiers, PointerButton};
+use egui_kittest::kittest::Queryable;
 use ostra::app::Tool;
 use ostra::masks::LabelId;
-use ostra::session::{Command, PaintRequest, PromptRequest};
+use ostra::session::{Command, PaintRequest, PromptRequest, TraceRequest};
 
 use crate::desk::{Desk, click_at, drag, on_screen, press};
 
@@ -94,6 +95,23 @@ fn brush_paints_the_way_of_the_pointer_and_the_right_button_erases() {
 }
 
 #[test]
+fn the_brush_snaps_while_the_box_is_ticked() {
+    let mut harness = Desk::sample().shown();
+    harness.state_mut().shell.view.tool = Tool::Brush;
+    harness.run_steps(2);
+    let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 10.0));
+    drag(&mut harness, from, to, PointerButton::Primary);
+    harness.get_by_label("Snap brush to edges").click();
+    harness.run_steps(2);
+    assert!(harness.state().shell.view.prefs.snap);
+    drag(&mut harness, from, to, PointerButton::Primary);
+    press(&mut harness, Modifiers::NONE, Key::S);
+    drag(&mut harness, from, to, PointerButton::Primary);
+    let snaps: Vec<bool> = paints(&harness.state().asked).iter().map(|paint| paint.snap).collect();
+    assert_eq!(snaps, [false, true, false]);
+}
+
+#[test]
 fn polygon_is_filled_when_the_first_corner_is_clicked_again() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::NONE, Key::G);
@@ -105,6 +123,81 @@ fn polygon_is_filled_when_the_first_corner_is_clicked_again() {
     let asked = paints(&harness.state().asked);
     assert_eq!(asked.len(), 1);
     assert_eq!((asked[0].points_px.len(), asked[0].radius_px), (3, 0.0));
+}
+
+/// What was asked to be traced.
+fn traces(asked: &[Command]) -> Vec<&TraceRequest> {
+    asked
+        .iter()
+        .filter_map(|command| if let Command::Trace(request) = command { Some(request) } else { None })
+        .collect()
+}
+
+#[test]
+fn thin_structure_is_traced_through_the_clicked_points_when_enter_is_pressed() {
+    let mut harness = Desk::sample().shown();
+    press(&mut harness, Modifiers::NONE, Key::W);
+    assert_eq!(harness.state().shell.view.tool, Tool::Thin);
+    for (x, y) in [(10.0, 10.0), (25.0, 40.0), (40.0, 12.0), (50.0, 20.0)] {
+        let at = on_screen(&harness, x, y);
+        click_at(&mut harness, at, PointerButton::Primary);
+        harness.run_steps(30);
+    }
+    press(&mut harness, Modifiers::NONE, Key::Backspace);
+    let beside = on_screen(&harness, 30.0, 30.0);
+    click_at(&mut harness, beside, PointerButton::Secondary);
+    press(&mut harness, Modifiers::NONE, Key::Enter);
+    let asked = traces(&harness.state().asked);
+    assert_eq!(asked.len(), 1, "{:?}", harness.state().asked);
+    let expected = [glam::DVec2::new(10.0, 10.0), glam::DVec2::new(25.0, 40.0)];
+    assert_eq!(asked[0].points_px.len(), 2, "two were taken back: {:?}", asked[0].points_px);
+    assert!(asked[0].points_px.iter().zip(expected).all(|(a, b)| a.distance(b) < 0.3));
+    assert_eq!((asked[0].frame, asked[0].label, asked[0].replace), (0, LabelId(1), true));
+}
+
+#[test]
+fn one_point_of_a_thin_structure_waits_for_the_next() {
+    let mut harness = Desk::sample().shown();
+    harness.get_by_label("Thin").click();
+    harness.run_steps(2);
+    let at = on_screen(&harness, 10.0, 10.0);
+    click_at(&mut harness, at, PointerButton::Primary);
+    press(&mut harness, Modifiers::NONE, Key::Enter);
+    assert!(harness.state().asked.is_empty());
+    assert!(harness.state().shell.view.note.contains("two points"), "{}", harness.state().shell.view.note);
+    harness.run_steps(30);
+    let at = on_screen(&harness, 10.0, 40.0);
+    for _ in 0..2 {
+        click_at(&mut harness, at, PointerButton::Primary);
+    }
+    assert_eq!(traces(&harness.state().asked).len(), 1, "a double click finishes: {:?}", harness.state().asked);
+}
+
+#[test]
+fn a_click_is_previewed_where_the_pointer_rests_unless_something_is_sent_or_it_is_turned_off() {
+    let mut harness = Desk::sample().shown();
+    let at = on_screen(&harness, 12.5, 30.5);
+    harness.hover_at(at);
+    harness.run_steps(6);
+    let wish = harness.state().shell.view.hover_wish.clone().unwrap();
+    assert_eq!((wish.frame, wish.label, wish.prompt.clicks.len()), (0, LabelId(1), 1));
+    assert!(wish.prompt.clicks[0].include && wish.prompt.clicks[0].at_px.distance(glam::DVec2::new(12.5, 30.5)) < 0.1);
+    harness.state_mut().hovered = Some(harness.state().project.masks[&0].runs.clone());
+    harness.run_steps(2);
+    assert!(harness.state().asked.is_empty(), "a preview asks for no change");
+
+    press(&mut harness, Modifiers::SHIFT, Key::V);
+    assert!(!harness.state().shell.view.prefs.hover_preview && harness.state().shell.view.hover_wish.is_none());
+    press(&mut harness, Modifiers::SHIFT, Key::V);
+    harness.run_steps(6);
+    assert!(harness.state().shell.view.hover_wish.is_some());
+    click_at(&mut harness, at, PointerButton::Primary);
+    harness.run_steps(6);
+    assert!(harness.state().shell.view.hover_wish.is_none(), "the click is on its way");
+    harness.state_mut().shell.view.draft.forget_sent();
+    press(&mut harness, Modifiers::NONE, Key::P);
+    harness.run_steps(6);
+    assert!(harness.state().shell.view.hover_wish.is_none(), "the brush has none");
 }
 
 #[test]

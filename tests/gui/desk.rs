@@ -13,7 +13,7 @@ use ostra::frames::{Frame, FrameCamera, Image, Orientation, PictureSource};
 use ostra::geometry::{Camera, Pose};
 use ostra::masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
 use ostra::scene::LabelledCloud;
-use ostra::session::{Command, Engine, FrameMask, JobView, MaskOrigin, Pictures, Project, engines};
+use ostra::session::{Command, Engine, FrameMask, JobView, MaskOrigin, Pictures, Project, Suggestion, engines};
 
 pub const WIDTH: u32 = 64;
 pub const HEIGHT: u32 = 48;
@@ -26,11 +26,13 @@ pub struct Desk {
     pub cloud: Option<Arc<LabelledCloud>>,
     pub inspected: Option<PathBuf>,
     pub pictures: Pictures,
+    pub hovered: Option<Arc<RunMask>>,
     pub jobs: Vec<JobView>,
     pub engines: Vec<Engine>,
     pub undo: Option<String>,
     pub recent: Vec<PathBuf>,
     pub before: Option<Arc<RunMask>>,
+    pub suggestions: Vec<Suggestion>,
     pub asked: Vec<Command>,
 }
 
@@ -44,11 +46,13 @@ impl Desk {
             cloud: None,
             inspected: None,
             pictures: Pictures::new(|frame| Ok(Arc::new(picture(frame))), || {}),
+            hovered: None,
             jobs: Vec::new(),
             engines: engines(),
             undo: None,
             recent: Vec::new(),
             before: None,
+            suggestions: Vec::new(),
             asked: Vec::new(),
         }
     }
@@ -71,12 +75,14 @@ impl Desk {
             cloud: self.cloud.as_ref(),
             inspected: self.inspected.as_deref(),
             pictures: Some(&self.pictures),
+            hovered: self.hovered.as_ref(),
             jobs: &self.jobs,
             engines: &self.engines,
             undo: self.undo.as_deref(),
             redo: None,
             recent: &self.recent,
             before: self.before.as_ref(),
+            suggestions: &self.suggestions,
             interactions: 3,
             estimate: self.project.estimate(),
         };

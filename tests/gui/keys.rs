@@ -22,6 +22,32 @@ fn digits_choose_labels_in_the_order_of_the_list() {
 }
 
 #[test]
+fn h_fills_holes_and_i_removes_islands_of_the_size_in_the_tool_bar() {
+    let mut harness = Desk::sample().shown();
+    harness.state_mut().shell.view.prefs.tidy_px = 30;
+    press(&mut harness, Modifiers::NONE, Key::Num2);
+    press(&mut harness, Modifiers::NONE, Key::H);
+    press(&mut harness, Modifiers::NONE, Key::I);
+    harness.get_by_label("Fill holes of label").click();
+    harness.run_steps(2);
+    let tidied: Vec<_> = harness
+        .state()
+        .asked
+        .iter()
+        .map(|command| match command {
+            Command::Tidy(request) => (request.frame, request.label, request.holes_below_px, request.islands_below_px),
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    assert_eq!(tidied, [(0, LabelId(2), 30, 0), (0, LabelId(2), 0, 30), (0, LabelId(2), 30, 0)]);
+    harness.get_by_label("Size of holes and islands");
+    harness.state_mut().asked.clear();
+    press(&mut harness, Modifiers::NONE, Key::End);
+    press(&mut harness, Modifiers::NONE, Key::H);
+    assert!(harness.state().asked.is_empty(), "a frame without a mask has nothing to tidy");
+}
+
+#[test]
 fn arrows_move_through_the_frames() {
     let mut harness = Desk::sample().shown();
     let mut at = |modifiers, key| {
@@ -99,6 +125,19 @@ fn shortcut_sheet_shows_no_conflicts_and_changes_keys() {
     assert_eq!(harness.state().shell.view.dialog, None);
     press(&mut harness, Modifiers::NONE, Key::F6);
     assert!(matches!(harness.state().asked[..], [Command::Fuse(_)]));
+}
+
+#[test]
+fn the_sheet_says_which_action_lost_its_keys() {
+    let mut harness = Desk::sample().shown();
+    press(&mut harness, Modifiers::SHIFT, Key::Questionmark);
+    harness.get_by_label("Shortcut of Fuse: U").scroll_to_me();
+    harness.run_steps(4);
+    harness.get_by_label("Shortcut of Fuse: U").click();
+    harness.run_steps(2);
+    press(&mut harness, Modifiers::NONE, Key::D);
+    assert!(harness.query_by_label("'Next frame to check' had these keys and has none now").is_some());
+    assert!(harness.query_by_label("Shortcut of Next frame to check: ").is_some());
 }
 
 #[test]

@@ -19,4 +19,5 @@ mod keys;
 mod panels;
 #[cfg(test)]
 mod story;
+#[cfg(test)]
 mod timeline;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use image::{GrayImage, ImageBuffer, Luma, RgbImage};
+use ostra::masks::read_palette_png;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -174,6 +175,63 @@ fn a_prompt_sets_what_is_given_and_an_anchor_is_not_overwritten() {
     done(&["prompt", &project, "--frame", "3", "--label", "thing", "--click", "16,24"]);
     done(&["track", &project]);
     assert_eq!(std::fs::read(Path::new(&project).join("masks/0.png")).unwrap(), anchor);
+}
+
+/// The label numbers of a frame's mask as it lies in the project.
+fn ids(project: &str, frame: u32) -> Vec<u8> {
+    let mask = read_palette_png(&Path::new(project).join(format!("masks/{frame}.png"))).unwrap();
+    mask.ids.iter().map(|id| id.0 as u8).collect()
+}
+
+#[test]
+fn a_thin_thing_is_traced_through_two_points_and_one_is_not_enough() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    let one = refused(&["trace", &project, "--frame", "1", "--label", "thing", "--point", "19,16"]);
+    assert!(one.contains("two different points"), "{one}");
+    let points = ["--point", "19,16", "--point", "19,32"];
+    done(&[&["trace", &project, "--frame", "1", "--label", "thing"][..], &points].concat());
+    let traced = ids(&project, 1);
+    let (inside, beside) = (traced[24 * 64 + 19], traced[24 * 64 + 40]);
+    assert_eq!((inside, beside), (1, 0));
+    let area = traced.iter().filter(|&&id| id == 1).count();
+    assert!((16 * 12..16 * 21).contains(&area), "{area} pixels of a bar 16 wide");
+    done(&["label", &project, "other"]);
+    done(&[&["trace", &project, "--frame", "1", "--label", "other"][..], &points].concat());
+    assert_eq!(ids(&project, 1), traced, "another label's pixels stay");
+    done(&[&["trace", &project, "--frame", "1", "--label", "other", "--replace"][..], &points].concat());
+    assert_eq!(ids(&project, 1)[24 * 64 + 19], 2);
+    let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
+    assert_eq!(info["frames"][1]["mask"], "anchor");
+}
+
+#[test]
+fn holes_are_filled_and_islands_removed() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    let masks = recording.path("holey");
+    std::fs::create_dir(&masks).unwrap();
+    let hole = |x: u32, y: u32| (20..22).contains(&x) && (20..22).contains(&y);
+    let island = |x: u32, y: u32| (50..53).contains(&x) && y == 5;
+    let inside = |x: u32, y: u32| (12..28).contains(&x) && (14..34).contains(&y);
+    GrayImage::from_fn(64, 48, |x, y| Luma([u8::from((inside(x, y) && !hole(x, y)) || island(x, y))]))
+        .save(format!("{masks}/1.png"))
+        .unwrap();
+    done(&["masks", &project, "import", &masks]);
+    let area = || ids(&project, 1).iter().filter(|&&id| id == 1).count();
+    let tidy =
+        |options: &[&str]| done(&[&["tidy", &project, "--frame", "1", "--label", "thing"][..], options].concat());
+    assert!(tidy(&["--holes-below", "4", "--islands-below", "3"]).contains("no holes or islands"));
+    assert_eq!(area(), 16 * 20 - 4 + 3);
+    tidy(&["--holes-below", "5"]);
+    assert_eq!(area(), 16 * 20 + 3);
+    tidy(&["--islands-below", "1000"]);
+    assert_eq!(area(), 16 * 20, "the largest piece stays");
+    let elsewhere = refused(&["tidy", &project, "--frame", "2", "--label", "thing", "--islands-below", "5"]);
+    assert!(elsewhere.contains("'thing' on frame 2") && elsewhere.contains("not on this frame"), "{elsewhere}");
+    assert_eq!(ostra(&["tidy", &project, "--frame", "1", "--label", "thing"]).status.code(), Some(2));
 }
 
 /// Writes a mask file in which `thing` (1) and `wall` (2) are given as columns of the rows 14 to 33.

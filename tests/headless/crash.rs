@@ -73,7 +73,15 @@ fn random_command(project: &Project, random: &mut Pcg64Mcg) -> Command {
                 |random: &mut Pcg64Mcg| DVec2::new(random.random_range(0.0..48.0), random.random_range(0.0..32.0));
             let points_px = (0..6).map(|_| point(random)).collect();
             let radius_px = random.random_range(0.5..6.0);
-            Command::Paint(PaintRequest { frame, label, points_px, radius_px, erase: false, replace: true })
+            Command::Paint(PaintRequest {
+                frame,
+                label,
+                points_px,
+                radius_px,
+                erase: false,
+                replace: true,
+                snap: false,
+            })
         }
     }
 }

@@ -28,6 +28,9 @@ mod fuse;
 mod masks;
 #[cfg(test)]
 mod ranges;
+#[cfg(test)]
 mod session;
 #[cfg(test)]
 mod shared;
+#[cfg(test)]
+mod thin;

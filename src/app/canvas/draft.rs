@@ -17,11 +17,13 @@ pub enum Tool {
     Eraser,
     /// Fills a polygon with the label.
     Polygon,
+    /// Gives a thin structure through some points to the label.
+    Thin,
 }
 
 impl Tool {
     /// All tools in the order of the tool bar.
-    pub const ALL: [Self; 4] = [Self::Click, Self::Brush, Self::Eraser, Self::Polygon];
+    pub const ALL: [Self; 5] = [Self::Click, Self::Brush, Self::Eraser, Self::Polygon, Self::Thin];
 
     /// What the tool bar shows.
     #[must_use]
@@ -31,6 +33,7 @@ impl Tool {
             Self::Brush => "Brush",
             Self::Eraser => "Eraser",
             Self::Polygon => "Polygon",
+            Self::Thin => "Thin",
         }
     }
 }
@@ -48,6 +51,8 @@ pub struct Stroke {
     pub points_px: Vec<DVec2>,
     /// Radius of the brush.
     pub radius_px: f64,
+    /// Stops at the picture's edges.
+    pub snap: bool,
 }
 
 /// What is being drawn, and what was sent but is not in the project yet.
@@ -57,8 +62,8 @@ pub struct Draft {
     pub box_from: Option<DVec2>,
     /// The stroke in hand.
     pub stroke: Option<Stroke>,
-    /// Corners of the polygon so far.
-    pub polygon: Vec<DVec2>,
+    /// Corners of the polygon, or points of the thin structure, so far.
+    pub corners: Vec<DVec2>,
     /// The latest prompt sent: the next click builds on it, before the project has it.
     sent_prompt: Option<(usize, LabelId, Prompt)>,
     /// The latest stroke sent, with the mask it was painted over: shown until the mask changes.
@@ -68,10 +73,10 @@ pub struct Draft {
 impl Draft {
     /// Drops what is half made; `false` when there was nothing.
     pub fn drop_half_made(&mut self) -> bool {
-        let had = self.box_from.is_some() || self.stroke.is_some() || !self.polygon.is_empty();
+        let had = self.box_from.is_some() || self.stroke.is_some() || !self.corners.is_empty();
         self.box_from = None;
         self.stroke = None;
-        self.polygon.clear();
+        self.corners.clear();
         had
     }
 
@@ -88,6 +93,12 @@ impl Draft {
             Some((sent_frame, sent_label, prompt)) if (*sent_frame, *sent_label) == (frame, label) => prompt.clone(),
             _ => project.prompts.get(&(frame, label)).cloned().unwrap_or_default(),
         }
+    }
+
+    /// Whether something was sent that has not arrived in the project yet.
+    #[must_use]
+    pub fn is_sending(&self) -> bool {
+        self.sent_prompt.is_some() || self.sent_stroke.is_some()
     }
 
     /// Remembers a prompt that was sent.

@@ -3,7 +3,7 @@ use glam::DVec2;
 
 use super::draft::{Stroke, Tool};
 use super::map::CanvasMap;
-use super::prompts::{box_of, chosen_label, click_at, fill_polygon, paint};
+use super::prompts::{box_of, chosen_label, click_at, fill_polygon, paint, trace_thin};
 use crate::app::{Look, ViewState};
 use crate::session::Command;
 
@@ -24,7 +24,7 @@ pub(super) fn canvas_input(
     match view.tool {
         Tool::Click => click_tool(response, map, look, view, out),
         Tool::Brush | Tool::Eraser => brush_tool(ui, response, map, look, view, out),
-        Tool::Polygon => polygon_tool(ui, response, map, look, view, out),
+        Tool::Polygon | Tool::Thin => corners_tool(ui, response, map, look, view, out),
     }
 }
 
@@ -97,8 +97,8 @@ fn brush_tool(
         if view.draft.stroke.is_none() {
             let erase = view.tool == Tool::Eraser || secondary || ctrl;
             let Some(label) = chosen_label(look, view, out) else { return };
-            let radius_px = view.prefs.brush_px;
-            view.draft.stroke = Some(Stroke { frame: view.frame, label, erase, points_px: vec![at], radius_px });
+            let (radius_px, snap) = (view.prefs.brush_px, view.prefs.snap);
+            view.draft.stroke = Some(Stroke { frame: view.frame, label, erase, points_px: vec![at], radius_px, snap });
         }
         if let Some(stroke) = &mut view.draft.stroke
             && stroke.points_px.last().is_none_or(|last| last.distance(at) >= 0.5)
@@ -110,7 +110,8 @@ fn brush_tool(
     }
 }
 
-fn polygon_tool(
+/// Corners of a polygon or points of a thin structure, one a click.
+fn corners_tool(
     ui: &Ui,
     response: &Response,
     map: &CanvasMap,
@@ -118,22 +119,26 @@ fn polygon_tool(
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
-    let closed = response.double_clicked() || (response.hovered() && ui.input(|i| i.key_pressed(Key::Enter)));
+    let pressed = |key| response.hovered() && ui.input(|i| i.key_pressed(key));
+    let mut finished = response.double_clicked() || pressed(Key::Enter);
     if response.clicked()
-        && !closed
+        && !finished
         && let Some(at) = position(response, map)
     {
         let near_start = |first: &DVec2| map.to_screen(*first).distance(map.to_screen(at)) < 8.0;
-        if view.draft.polygon.len() >= 3 && view.draft.polygon.first().is_some_and(near_start) {
-            fill_polygon(look, view, out);
-            return;
+        let corners = &mut view.draft.corners;
+        if view.tool == Tool::Polygon && corners.len() >= 3 && corners.first().is_some_and(near_start) {
+            finished = true;
+        } else {
+            corners.push(map.clamped(at));
         }
-        view.draft.polygon.push(map.clamped(at));
     }
-    if response.secondary_clicked() {
-        view.draft.polygon.pop();
+    if response.secondary_clicked() || pressed(Key::Backspace) {
+        view.draft.corners.pop();
     }
-    if closed {
-        fill_polygon(look, view, out);
+    match (finished, view.tool) {
+        (true, Tool::Thin) => trace_thin(look, view, out),
+        (true, _) => fill_polygon(look, view, out),
+        (false, _) => {}
     }
 }

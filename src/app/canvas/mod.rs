@@ -1,6 +1,7 @@
-//! The picture with its mask: zoom and pan, prompts, brush and polygon.
+//! The picture with its mask: zoom and pan, prompts, brush, polygon and thin structures.
 
 mod draft;
+mod hover;
 mod input;
 mod map;
 mod paint;
@@ -9,6 +10,7 @@ mod prompts;
 mod toolbar;
 
 pub use draft::{Draft, Tool};
+pub use hover::Rest;
 pub use map::{CanvasMap, ZoomState};
 pub(super) use picture_pane::picture_pane_ui;
 pub(super) use prompts::{clear_label, click_at, id_at};

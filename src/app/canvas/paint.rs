@@ -13,7 +13,7 @@ pub(super) fn texture(painter: &Painter, map: &CanvasMap, id: TextureId) {
     painter.image(id, map.picture_rect(), UV, Color32::WHITE);
 }
 
-/// Prompts of all labels, those of the chosen one larger; box, stroke and polygon in hand.
+/// Prompts of all labels, those of the chosen one larger; box, stroke, polygon and thin structure in hand.
 pub(super) fn prompts_and_draft(
     painter: &Painter,
     map: &CanvasMap,
@@ -32,7 +32,7 @@ pub(super) fn prompts_and_draft(
     if let (Some(from), Some(to)) = (view.draft.box_from, pointer) {
         outlined_rect(painter, Rect::from_two_pos(map.to_screen(from), to), color);
     }
-    polygon(painter, map, &view.draft.polygon, pointer, color);
+    corners(painter, map, &view.draft.corners, pointer, color);
 }
 
 /// A line of text over the upper edge of the pane.
@@ -94,7 +94,7 @@ fn brush_stroke(painter: &Painter, map: &CanvasMap, stroke: &Stroke, color: Colo
     }
 }
 
-fn polygon(painter: &Painter, map: &CanvasMap, corners: &[DVec2], pointer: Option<Pos2>, color: Color32) {
+fn corners(painter: &Painter, map: &CanvasMap, corners: &[DVec2], pointer: Option<Pos2>, color: Color32) {
     let mut points: Vec<Pos2> = corners.iter().map(|&at| map.to_screen(at)).collect();
     for (index, &at) in points.iter().enumerate() {
         painter.circle(at, if index == 0 { 5.0 } else { 3.0 }, color, Line::new(1.0, Color32::WHITE));

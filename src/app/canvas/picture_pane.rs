@@ -1,5 +1,6 @@
 use egui::{Role, Sense, Ui, WidgetInfo};
 
+use super::hover::follow_pointer;
 use super::input::canvas_input;
 use super::map::CanvasMap;
 use super::{paint, toolbar::toolbar_ui};
@@ -22,7 +23,7 @@ pub(in crate::app) fn picture_pane_ui(
     view.picture_middle_px = glam::DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])) / 2.0;
     let zoom_percent = view.zoom.map(ui.available_rect_before_wrap(), size_px).scale * ui.pixels_per_point() * 100.0;
     egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 4)).show(ui, |ui| {
-        toolbar_ui(ui, view, zoom_percent, wishes);
+        toolbar_ui(ui, look, view, zoom_percent, wishes);
     });
     let (pane, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let name = format!("Picture {}", frame.name);
@@ -34,6 +35,7 @@ pub(in crate::app) fn picture_pane_ui(
     if view.pointer_px.is_some() && !ui.input(|i| i.key_down(egui::Key::Space)) {
         ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair);
     }
+    follow_pointer(ui, &response, &map, look, view);
     draw(ui, look, view, textures, &map);
 }
 
@@ -55,6 +57,9 @@ fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map
         let style = OverlayStyle { opacity: prefs.opacity, outlines: prefs.outlines, hidden: view.hidden.clone() };
         let texture = textures.mask(ui.ctx(), &runs, &look.project.labels, &style);
         paint::texture(&painter, map, texture.id());
+    }
+    if let Some(mask) = look.hovered.filter(|_| view.hover_wish.is_some()) {
+        paint::texture(&painter, map, textures.hovered(ui.ctx(), mask, &look.project.labels).id());
     }
     let pointer = view.pointer_px.map(|at| map.to_screen(at));
     paint::prompts_and_draft(&painter, map, look, view, pointer);

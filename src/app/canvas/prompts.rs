@@ -2,7 +2,7 @@ use glam::DVec2;
 
 use crate::app::{Look, ViewState};
 use crate::masks::{Click, LabelId, Prompt, PxBox, RunMask};
-use crate::session::{Command, PaintRequest, PromptRequest};
+use crate::session::{Command, PaintRequest, PromptRequest, TraceRequest};
 
 use super::draft::Stroke;
 
@@ -39,13 +39,14 @@ pub(super) fn paint(look: &Look<'_>, view: &mut ViewState, stroke: Stroke, out: 
         radius_px: stroke.radius_px,
         erase: stroke.erase,
         replace: true,
+        snap: stroke.snap,
     }));
     view.draft.sent_stroke(stroke, look.project);
 }
 
 /// Fills the polygon drawn so far; fewer than three different corners are dropped.
 pub(super) fn fill_polygon(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
-    let mut points_px = std::mem::take(&mut view.draft.polygon);
+    let mut points_px = std::mem::take(&mut view.draft.corners);
     points_px.dedup_by(|a, b| a.distance(*b) < 0.5);
     if points_px.len() < 3 {
         return;
@@ -58,7 +59,21 @@ pub(super) fn fill_polygon(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<
         radius_px: 0.0,
         erase: false,
         replace: true,
+        snap: false,
     }));
+}
+
+/// Traces the thin structure through the points so far; one point alone is kept and waits for the next.
+pub(super) fn trace_thin(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    let mut points_px = view.draft.corners.clone();
+    points_px.dedup_by(|a, b| a.distance(*b) < 1.0);
+    if points_px.len() < 2 {
+        view.note = "A thin structure needs two points or more: click along it".into();
+        return;
+    }
+    let Some(label) = chosen_label(look, view, out) else { return };
+    view.draft.corners.clear();
+    out.push(Command::Trace(TraceRequest { frame: view.frame, label, points_px, replace: true }));
 }
 
 /// The label in hand; the first click of all makes one.

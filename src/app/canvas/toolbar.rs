@@ -1,13 +1,22 @@
 use egui::{Slider, Ui};
 
 use super::draft::Tool;
+use crate::app::menu::is_possible;
 use crate::app::tips::action_button;
-use crate::app::{Action, ViewState};
+use crate::app::{Action, Look, ViewState};
 
 /// Tools, zoom and the look of the masks, in one row above the picture.
-pub(super) fn toolbar_ui(ui: &mut Ui, view: &mut ViewState, zoom_percent: f32, wishes: &mut Vec<Action>) {
+pub(super) fn toolbar_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    zoom_percent: f32,
+    wishes: &mut Vec<Action>,
+) {
     ui.horizontal_wrapped(|ui| {
         tools_ui(ui, view);
+        ui.add_space(8.0);
+        tidy_ui(ui, look, view, wishes);
         ui.add_space(8.0);
         zoom_ui(ui, view, zoom_percent, wishes);
         ui.add_space(8.0);
@@ -30,7 +39,23 @@ fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
         ui.add(size)
             .on_hover_text("Radius of the brush (Shift+wheel over the picture)")
             .accessible_name("Brush radius");
+        let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleSnap);
+        ui.checkbox(&mut view.prefs.snap, "Snap").on_hover_text(tip).accessible_name("Snap brush to edges");
     });
+}
+
+/// Buttons that tidy the chosen label, with the size below which holes and islands go.
+fn tidy_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+    for (action, text) in [(Action::FillHoles, "Fill"), (Action::RemoveIslands, "Clean")] {
+        let button = action_button(ui, &view.prefs.shortcuts, action, text, is_possible(action, look, view));
+        if button.accessible_name(action.text()).clicked() {
+            wishes.push(action);
+        }
+    }
+    let size = egui::DragValue::new(&mut view.prefs.tidy_px).range(2..=1_000_000).speed(1.0).prefix("< ").suffix(" px");
+    ui.add(size)
+        .on_hover_text("Holes and islands of fewer pixels are filled and removed")
+        .accessible_name("Size of holes and islands");
 }
 
 fn zoom_ui(ui: &mut Ui, view: &ViewState, zoom_percent: f32, wishes: &mut Vec<Action>) {

@@ -8,6 +8,8 @@ use crate::app::{Action, MenuName, ViewState};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SheetState {
     changing: Option<Action>,
+    /// The action that lost its keys to the one changed last.
+    robbed: Option<Action>,
 }
 
 impl SheetState {
@@ -39,7 +41,13 @@ pub(in crate::app) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
     let response = modal(ui, "shortcuts", 720.0, |ui| {
         ui.horizontal(|ui| {
             ui.heading("Shortcuts");
-            ui.weak("Click a shortcut to change it");
+            match view.sheet.robbed.filter(|action| view.prefs.shortcuts.keys(*action).is_none()) {
+                Some(action) => {
+                    let text = format!("'{}' had these keys and has none now", action.text());
+                    ui.colored_label(ui.visuals().warn_fg_color, text)
+                }
+                None => ui.weak("Click a shortcut to change it"),
+            };
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 if ui.button("Close").on_hover_text("Closes the sheet (Esc)").clicked() {
                     view.dialog = None;
@@ -59,7 +67,7 @@ pub(in crate::app) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
                 for menu in [MenuName::File, MenuName::Edit] {
                     menu_ui(&mut columns[0], view, menu);
                 }
-                for menu in [MenuName::View, MenuName::Go, MenuName::Run, MenuName::Help] {
+                for menu in [MenuName::Range, MenuName::View, MenuName::Go, MenuName::Run, MenuName::Help] {
                     menu_ui(&mut columns[1], view, menu);
                 }
                 pointer_ui(&mut columns[0]);
@@ -119,6 +127,6 @@ fn listen(ctx: &Context, view: &mut ViewState) {
     ctx.input_mut(|input| input.events.retain(|event| !matches!(event, Event::Key { .. } | Event::Text(_))));
     view.sheet.changing = None;
     if keys.logical_key != Key::Escape {
-        view.prefs.shortcuts.set(action, keys);
+        view.sheet.robbed = view.prefs.shortcuts.set(action, keys);
     }
 }

@@ -23,10 +23,9 @@ pub(in crate::app) fn heat_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState
         mark(ui, &columns, frame, ui.visuals().selection.stroke.color);
     }
     mark(ui, &columns, view.frame, ui.visuals().strong_text_color());
-    if response.clicked() || response.dragged() {
-        if let Some(frame) = response.interact_pointer_pos().and_then(|at| columns.frame_at(at)) {
-            view.go_to(frame);
-        }
+    let pointed = response.interact_pointer_pos().filter(|_| response.clicked() || response.dragged());
+    if let Some(frame) = pointed.and_then(|at| columns.frame_at(at)) {
+        view.go_to(frame);
     }
     let hovered = response.hover_pos().and_then(|at| columns.frame_at(at));
     if let Some(frame) = hovered {

@@ -3,6 +3,7 @@
 //! May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
 mod alike;
+mod apart;
 mod appearance;
 mod boxes;
 mod bridges;
@@ -27,4 +28,5 @@ mod surface;
 mod tests;
 mod traits;
 
+pub use apart::standing_apart;
 pub use segmenter::BuiltinSegmenter;

@@ -8,7 +8,9 @@ mod compose;
 mod hold;
 mod interpolate;
 mod polygon;
+mod snap;
 mod split;
+mod tidy;
 mod transfer;
 
 pub use assign::{PaintRule, assign, erase};
@@ -18,7 +20,9 @@ pub use hold::hold;
 pub use interpolate::ShapeBlend;
 pub use polygon::fill_polygons;
 pub(super) use polygon::polygon_spans;
+pub use snap::snapped_stroke;
 pub use split::nearer_part;
+pub use tidy::tidy;
 pub use transfer::transfer;
 
 #[cfg(test)]

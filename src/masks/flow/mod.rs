@@ -4,6 +4,7 @@
 //! Works on pictures reduced to a bounded size. Positions here are pixel indices: the centre of the top-left pixel is
 //! (0, 0). May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
+mod apart;
 mod cells;
 mod clean;
 mod colors;
@@ -27,5 +28,6 @@ mod tracker;
 mod variational;
 mod walk;
 
+pub use apart::moving_apart;
 pub use options::FlowOptions;
 pub use tracker::FlowTracker;

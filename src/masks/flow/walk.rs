@@ -46,7 +46,7 @@ impl Change {
     }
 
     /// Finds the background's motion from pixels that no object is expected near.
-    fn find_background(&mut self, expected: &[&Plane]) {
+    pub fn find_background(&mut self, expected: &[&Plane]) {
         let (width, height) = (self.next.width, self.next.height);
         let mut hidden = Region::empty(width as u32, height as u32);
         for plane in expected {

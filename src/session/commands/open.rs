@@ -40,6 +40,8 @@ impl Session {
             self.events.push(Event::Warning(format!("{error:#}; the project is safe in its journal")));
         }
         self.preparing = None;
+        self.hover(None);
+        self.suggestions.clear();
         let was_open = self.open.take().is_some() | self.inspected.take().is_some();
         if was_open {
             self.events.push(Event::Closed);

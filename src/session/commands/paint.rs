@@ -3,21 +3,42 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::masks::{LabelId, LabelMask, PaintRule, Region, RunMask, assign, erase, fill_polygons, stroke};
-use crate::session::{Edit, FrameMask, MaskOrigin, PaintRequest, Project, Session};
+use crate::frames::Frame;
+use crate::masks::{
+    LabelId, LabelMask, PaintRule, Region, RunMask, assign, erase, fill_polygons, snapped_stroke, stroke,
+};
+use crate::session::jobs::{Kind, Landing};
+use crate::session::{Edit, FrameMask, JobId, MaskOrigin, PaintRequest, Project, Session};
 
 impl Session {
-    pub(in crate::session) fn paint(&mut self, request: &PaintRequest) -> Result<()> {
+    /// Paints at once, but for a brush that stops at edges: it needs the picture, which is read by a job.
+    pub(in crate::session) fn paint(&mut self, request: &PaintRequest) -> Result<Option<JobId>> {
+        let project = self.snapshot()?;
+        let frame = project.frame(request.frame)?.clone();
+        check_unlocked(&project, request.frame, request.label)?;
+        if !request.snap || request.radius_px == 0.0 {
+            let region = painted(&frame, request)?;
+            return self.take_painted(request, &region).map(|()| None);
+        }
+        let (store, request) = (Arc::clone(&self.store), request.clone());
+        Ok(Some(self.start("Paint", Kind::Short, move |link| {
+            link.progress.stage("paint")?;
+            let region = snapped_stroke(&*store.image(&frame)?, &request.points_px, request.radius_px)?;
+            Ok(Box::new(move |session: &mut Self| session.take_painted(&request, &region)) as Landing)
+        })))
+    }
+
+    /// Gives the painted pixels to the label, or takes them, in the frame's mask as it is now.
+    fn take_painted(&mut self, request: &PaintRequest, region: &Region) -> Result<()> {
         let project = self.snapshot()?;
         let name = label_name(&project, request.label)?;
         check_unlocked(&project, request.frame, request.label)?;
         let mut mask = mask_of(&project, request.frame)?;
-        let region = painted(&mask, request)?;
         if request.erase {
-            erase(&mut mask, &region, Some(request.label))?;
+            erase(&mut mask, region, Some(request.label))?;
         } else {
             let rule = if request.replace { PaintRule::Replace } else { PaintRule::Protect };
-            assign(&mut mask, &region, request.label, rule, &project.labels)?;
+            assign(&mut mask, region, request.label, rule, &project.labels)?;
         }
         let verb = if request.erase { "Erase" } else { "Paint" };
         let edits = by_hand(&project, request.frame, &mask);
@@ -63,15 +84,16 @@ pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
     edits
 }
 
-/// Fails when the label is locked on the frame.
+/// Fails when the label is not there or locked on the frame.
 pub fn check_unlocked(project: &Project, frame: usize, label: LabelId) -> Result<()> {
+    let name = label_name(project, label)?;
     let locked = project.locked_on(frame).contains(&label);
-    ensure!(!locked, "label '{}' is locked on frame {frame}; unlock it there first", label_name(project, label)?);
+    ensure!(!locked, "label '{name}' is locked on frame {frame}; unlock it there first");
     Ok(())
 }
 
-fn painted(mask: &LabelMask, request: &PaintRequest) -> Result<Region> {
-    let (width, height) = (mask.width, mask.height);
+fn painted(frame: &Frame, request: &PaintRequest) -> Result<Region> {
+    let (width, height) = (frame.width, frame.height);
     Ok(if request.radius_px == 0.0 {
         fill_polygons(width, height, std::slice::from_ref(&request.points_px))?
     } else {

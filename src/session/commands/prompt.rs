@@ -15,6 +15,7 @@ impl Session {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
         check_unlocked(&project, request.frame, request.label)?;
+        self.hover(None);
         if request.prompt.is_empty() {
             self.supersede(request);
             return self.take_off(&project, request.frame, request.label).map(|()| None);

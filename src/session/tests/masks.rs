@@ -34,7 +34,7 @@ fn click(label: LabelId, points: &[(f64, f64)]) -> Command {
 fn square(label: LabelId, from: f64, to: f64, erase: bool, replace: bool) -> Command {
     let corners = [(from, from), (to, from), (to, to), (from, to)];
     let points_px = corners.map(|(x, y)| DVec2::new(x, y)).to_vec();
-    Command::Paint(PaintRequest { frame: 0, label, points_px, radius_px: 0.0, erase, replace })
+    Command::Paint(PaintRequest { frame: 0, label, points_px, radius_px: 0.0, erase, replace, snap: false })
 }
 
 fn mask(session: &Session) -> LabelMask {
@@ -68,6 +68,32 @@ fn a_newer_prompt_takes_the_place_of_one_not_yet_answered() {
     perform(&mut session, Command::Undo).unwrap();
     assert!(session.project().unwrap().prompts.is_empty(), "one step");
     assert_eq!(session.recipe().commands.len(), 1 + 3 + 1 + 1);
+}
+
+/// The prompt of a command made by [`click`].
+fn request(command: Command) -> PromptRequest {
+    let Command::Prompt(request) = command else { panic!("{command:?}") };
+    request
+}
+
+#[test]
+fn a_preview_is_what_the_click_gives_and_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    let before = session.undo_title().map(str::to_owned);
+    session.hover(Some(request(click(STONE, &[(5.5, 5.5)]))));
+    session.hover(Some(request(click(STONE, &[(50.5, 5.5)]))));
+    session.hover(Some(request(click(STONE, &[(30.5, 20.5)]))));
+    session.settle(|_| std::ops::ControlFlow::Continue(()));
+    let shown = session.hovered().unwrap().decode();
+    assert!(session.project().unwrap().masks.is_empty() && session.project().unwrap().prompts.is_empty());
+    assert_eq!(session.undo_title().map(str::to_owned), before);
+    perform(&mut session, click(STONE, &[(30.5, 20.5)])).unwrap();
+    assert_eq!(mask(&session), shown, "the newest wish was answered");
+    assert!(session.hovered().is_none(), "a click ends the preview");
+    session.hover(Some(request(click(STONE, &[(200.0, 20.5)]))));
+    let events = session.settle(|_| std::ops::ControlFlow::Continue(()));
+    assert!(session.hovered().is_none() && events.is_empty(), "what cannot be shown is not told: {events:?}");
 }
 
 #[test]
@@ -104,6 +130,29 @@ fn brush_and_eraser_make_anchors() {
     assert!(error.contains("still has the child 'leaf'"), "{error}");
     perform(&mut session, Command::ClearMask { frame: 0 }).unwrap();
     assert!(session.project().unwrap().masks.is_empty());
+}
+
+#[test]
+fn a_snapping_brush_stops_at_the_edge_and_is_one_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    let stroke = |snap| {
+        let points_px = vec![DVec2::new(33.0, 10.0), DVec2::new(33.0, 38.0)];
+        let request =
+            PaintRequest { frame: 0, label: LEAF, points_px, radius_px: 12.0, erase: false, replace: true, snap };
+        Command::Paint(request)
+    };
+    perform(&mut session, stroke(false)).unwrap();
+    assert_eq!((mask(&session).at(37, 24), mask(&session).at(43, 24)), (LEAF, LEAF), "the plain brush spills");
+    perform(&mut session, Command::Undo).unwrap();
+    perform(&mut session, stroke(true)).unwrap();
+    assert_eq!((mask(&session).at(37, 24), mask(&session).at(43, 24)), (LEAF, LabelId::NONE));
+    assert_eq!(session.undo_title(), Some("Paint leaf on frame 0"));
+    assert_eq!(session.project().unwrap().masks[&0].origin, MaskOrigin::Anchor);
+    let plain = serde_json::json!({
+        "frame": 0, "label": 2, "points_px": [[1.0, 2.0]], "radius_px": 3.0, "erase": false, "replace": true
+    });
+    assert!(!serde_json::from_value::<PaintRequest>(plain).unwrap().snap, "recipes from before still run");
 }
 
 #[test]

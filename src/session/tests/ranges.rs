@@ -95,6 +95,7 @@ fn a_locked_label_is_changed_by_nobody() {
         radius_px: 9.0,
         erase,
         replace: true,
+        snap: false,
     };
     let error = perform(&mut session, Command::Paint(paint(LEAF, true))).unwrap_err().to_string();
     assert_eq!(error, "label 'leaf' is locked on frame 1; unlock it there first");

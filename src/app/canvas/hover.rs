@@ -1,0 +1,52 @@
+use egui::{Pos2, Response, Ui};
+
+use super::draft::Tool;
+use super::map::CanvasMap;
+use crate::app::{Look, ViewState};
+use crate::masks::Click;
+use crate::session::PromptRequest;
+
+/// How long the pointer rests before a preview is asked for, in seconds.
+const REST_S: f64 = 0.12;
+
+/// Movements below this are a hand at rest, in screen points.
+const STILL: f32 = 2.0;
+
+/// Where on the screen the pointer rests, and since when.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rest {
+    at: Pos2,
+    since_s: f64,
+}
+
+/// Wishes to see what an include click would give where the pointer rests.
+pub(super) fn follow_pointer(ui: &Ui, response: &Response, map: &CanvasMap, look: &Look<'_>, view: &mut ViewState) {
+    view.hover_wish = None;
+    let Some(at) = response.hover_pos().filter(|_| may_preview(ui, look, view)) else {
+        view.rest = None;
+        return;
+    };
+    let now = ui.input(|input| input.time);
+    let rest = view.rest.filter(|rest| rest.at.distance(at) < STILL).unwrap_or(Rest { at, since_s: now });
+    view.rest = Some(rest);
+    let left_s = rest.since_s + REST_S - now;
+    if left_s > 0.0 {
+        ui.ctx().request_repaint_after_secs(left_s as f32);
+        return;
+    }
+    view.hover_wish = wish_at(rest.at, map, look, view);
+}
+
+/// Whether a preview helps now: with the click tool, while nothing is drawn, sent or running.
+fn may_preview(ui: &Ui, look: &Look<'_>, view: &ViewState) -> bool {
+    let busy = !look.jobs.is_empty() || view.draft.is_sending() || ui.input(|input| input.pointer.any_down());
+    view.prefs.hover_preview && view.masks_shown && view.tool == Tool::Click && view.dialog.is_none() && !busy
+}
+
+fn wish_at(at: Pos2, map: &CanvasMap, look: &Look<'_>, view: &ViewState) -> Option<PromptRequest> {
+    let at_px = map.inside(map.to_px(at))?;
+    let label = view.label.filter(|&label| look.project.labels.get(label).is_some())?;
+    let mut prompt = view.draft.prompt(look.project, view.frame, label);
+    prompt.clicks.push(Click { at_px, include: true });
+    Some(PromptRequest { frame: view.frame, label, prompt, segmenter: view.segmenter.clone() })
+}

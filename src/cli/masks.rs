@@ -1,0 +1,52 @@
+use anyhow::{Result, bail};
+
+use super::drive::Driver;
+use super::mask_args::{GroundArgs, MasksArgs, MasksVerb, PromptArgs, TidyArgs, TraceArgs};
+use super::project::label_id;
+use crate::masks::{Click, Prompt, PxBox};
+use crate::session::{Command, PromptRequest, TidyRequest, TraceRequest};
+
+pub(super) fn prompt(args: &PromptArgs) -> Result<()> {
+    let driver = Driver::open(&args.project)?;
+    let label = label_id(driver.project()?, &args.label)?;
+    let click = |include| move |&at_px| Click { at_px, include };
+    let clicks = args.click.iter().map(click(true)).chain(args.not.iter().map(click(false))).collect();
+    let boxes = args.boxes.iter().map(|&[min_px, max_px]| PxBox { min_px, max_px }).collect();
+    let request =
+        PromptRequest { frame: args.frame, label, prompt: Prompt { clicks, boxes }, segmenter: args.segmenter.clone() };
+    driver.act_and_save([Command::Prompt(request)])
+}
+
+pub(super) fn ground(args: &GroundArgs) -> Result<()> {
+    Driver::open(&args.project)?;
+    bail!(
+        "grounder '{}' needs a network, and this version cannot run one yet: prompt '{}' on frame {} (boxes above {}) with --click or --box instead",
+        args.grounder,
+        args.text,
+        args.frame,
+        args.threshold
+    )
+}
+
+pub(super) fn masks(args: MasksArgs) -> Result<()> {
+    let (dir, format) = (args.dir, args.format);
+    let command = match args.verb {
+        MasksVerb::Import => Command::ImportMasks { dir, format },
+        MasksVerb::Export => Command::ExportMasks { dir, format },
+    };
+    Driver::open(&args.project)?.act_and_save([command])
+}
+
+pub(super) fn trace(args: TraceArgs) -> Result<()> {
+    let driver = Driver::open(&args.project)?;
+    let label = label_id(driver.project()?, &args.label)?;
+    let request = TraceRequest { frame: args.frame, label, points_px: args.point, replace: args.replace };
+    driver.act_and_save([Command::Trace(request)])
+}
+
+pub(super) fn tidy(args: &TidyArgs) -> Result<()> {
+    let driver = Driver::open(&args.project)?;
+    let label = label_id(driver.project()?, &args.label)?;
+    let (holes_below_px, islands_below_px) = (args.holes_below, args.islands_below);
+    driver.act_and_save([Command::Tidy(TidyRequest { frame: args.frame, label, holes_below_px, islands_below_px })])
+}

@@ -1,0 +1,248 @@
+//! A brush stroke cut at the edges of the picture.
+
+use glam::{DVec2, Vec3};
+
+use super::brush::stroke;
+use crate::frames::Image;
+use crate::masks::components::{Connectivity, components};
+use crate::masks::lab::lab_of_pixel;
+use crate::masks::maxflow::{FlowGraph, Link};
+use crate::masks::{MaskError, Region};
+
+/// The part of the brush's radius within which everything is painted.
+const CORE_SHARE: f64 = 0.5;
+
+/// Colour difference (ΔE) that at least makes another thing.
+const LEAST_DIFFERENCE: f32 = 6.0;
+
+/// How many times the usual step between neighbouring pixels makes another thing.
+const DIFFERENCE_IN_STEPS: f32 = 3.0;
+
+/// Weight of smoothness against likeness: what a border of one pixel's length costs where there is no edge.
+const BORDER_COST: f32 = 1.5;
+
+/// Units of the cut per unit of cost.
+const UNITS: f32 = 1000.0;
+
+/// The pixels of a [`stroke`] that lie on the same side of the picture's edges as its core, the inner half of the
+/// radius: a pixel between half the radius and the radius stays when it looks like the core nearby and no edge parts it
+/// from it (a minimum cut over these pixels: Boykov and Jolly, "Interactive graph cuts for optimal boundary & region
+/// segmentation of objects in N-D images", ICCV 2001). Without edges it is the plain stroke.
+///
+/// # Errors
+/// As [`stroke`]; `image` has the frame's size.
+pub fn snapped_stroke(image: &Image, points_px: &[DVec2], radius_px: f64) -> Result<Region, MaskError> {
+    let whole = stroke(image.width, image.height, points_px, radius_px)?;
+    let core = stroke(image.width, image.height, points_px, radius_px * CORE_SHARE)?;
+    let band = Band::new(image, &whole, &core);
+    let looks = Looks::new(image, points_px, radius_px * CORE_SHARE);
+    let mut kept = band.cut(&looks);
+    keep_touching(&mut kept, &core);
+    Ok(kept)
+}
+
+/// The pixels of a stroke as nodes of a graph.
+struct Band<'a> {
+    image: &'a Image,
+    whole: &'a Region,
+    core: &'a Region,
+    /// Places of the stroke's pixels in the picture.
+    places: Vec<u32>,
+    colors: Vec<Vec3>,
+    /// Per pixel of the picture its node; `u32::MAX` outside the stroke.
+    nodes: Vec<u32>,
+}
+
+impl<'a> Band<'a> {
+    fn new(image: &'a Image, whole: &'a Region, core: &'a Region) -> Self {
+        let places: Vec<u32> = (0..whole.inside.len() as u32).filter(|&at| whole.inside[at as usize]).collect();
+        let colors = places.iter().map(|&at| lab(image, at as usize)).collect();
+        let mut nodes = vec![u32::MAX; whole.inside.len()];
+        for (node, &at) in places.iter().enumerate() {
+            nodes[at as usize] = node as u32;
+        }
+        Self { image, whole, core, places, colors, nodes }
+    }
+
+    /// Pairs of neighbouring pixels of the stroke with their colour difference.
+    fn steps(&self) -> Vec<(u32, u32, f32)> {
+        let width = self.image.width as usize;
+        let mut steps = Vec::with_capacity(self.places.len() * 2);
+        for (node, &at) in self.places.iter().enumerate() {
+            let at = at as usize;
+            let right = (at % width + 1 < width).then_some(at + 1);
+            for next in [right, Some(at + width)].into_iter().flatten() {
+                if let Some(&other) = self.nodes.get(next).filter(|&&other| other != u32::MAX) {
+                    steps.push((node as u32, other, self.colors[node].distance(self.colors[other as usize])));
+                }
+            }
+        }
+        steps
+    }
+
+    fn cut(&self, looks: &Looks) -> Region {
+        let steps = self.steps();
+        let scale = difference_scale(&steps);
+        let terminal = self.places.iter().zip(&self.colors).map(|(&at, &color)| {
+            if self.core.inside[at as usize] {
+                return (8.0 * BORDER_COST * UNITS) as i32;
+            }
+            let center = DVec2::new(f64::from(at % self.image.width) + 0.5, f64::from(at / self.image.width) + 0.5);
+            let (off, half) = (looks.difference(center, color).powi(2), scale * scale);
+            ((half - off) / (half + off) * UNITS) as i32
+        });
+        let link = |&(from, to, step): &(u32, u32, f32)| {
+            let cost = (BORDER_COST * (-(step / scale).powi(2)).exp() * UNITS) as i32 + 1;
+            Link { from, to, forward: cost, backward: cost }
+        };
+        let side = FlowGraph::new(terminal.collect(), &steps.iter().map(link).collect::<Vec<_>>()).source_side();
+        let mut kept = Region::empty(self.whole.width, self.whole.height);
+        for (&at, &inside) in self.places.iter().zip(&side) {
+            kept.inside[at as usize] = inside || self.core.inside[at as usize];
+        }
+        kept
+    }
+}
+
+/// What colour difference makes another thing: some times the usual step, so that texture and noise do not.
+fn difference_scale(steps: &[(u32, u32, f32)]) -> f32 {
+    let mut sizes: Vec<f32> = steps.iter().map(|step| step.2).collect();
+    if sizes.is_empty() {
+        return LEAST_DIFFERENCE;
+    }
+    let middle = sizes.len() / 2;
+    let usual = *sizes.select_nth_unstable_by(middle, f32::total_cmp).1;
+    (usual * DIFFERENCE_IN_STEPS).max(LEAST_DIFFERENCE)
+}
+
+/// What the core looks like along the stroke.
+struct Looks {
+    places: Vec<(DVec2, Vec<Vec3>)>,
+}
+
+impl Looks {
+    /// Colours of the core on a grid around places along the stroke.
+    fn new(image: &Image, points_px: &[DVec2], core_px: f64) -> Self {
+        let place = |at: DVec2| (at, colors_around(image, at, core_px));
+        Self { places: places_along(points_px, core_px.max(1.0)).into_iter().map(place).collect() }
+    }
+
+    /// How much a colour differs from the likest one of the core at the place nearest to a position.
+    fn difference(&self, at_px: DVec2, color: Vec3) -> f32 {
+        let off = |place: &&(DVec2, Vec<Vec3>)| place.0.distance_squared(at_px);
+        let near = self.places.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+        let colors = near.map_or(&[][..], |place| &place.1);
+        colors.iter().map(|other| other.distance(color)).fold(f32::INFINITY, f32::min)
+    }
+}
+
+/// Points along a polyline, at most `step_px` apart.
+fn places_along(points_px: &[DVec2], step_px: f64) -> Vec<DVec2> {
+    let mut places = vec![points_px[0]];
+    for ends in points_px.windows(2) {
+        let count = (ends[0].distance(ends[1]) / step_px).ceil().max(1.0) as usize;
+        places.extend((1..=count).map(|k| ends[0].lerp(ends[1], k as f64 / count as f64)));
+    }
+    places.dedup_by(|next, kept| next.distance(*kept) < step_px / 2.0);
+    places
+}
+
+/// Colours on a grid of 5 × 5 within a disk, without those beyond the picture; at least the nearest pixel's.
+fn colors_around(image: &Image, at: DVec2, radius_px: f64) -> Vec<Vec3> {
+    let reach = (radius_px - 0.5).max(0.0);
+    let far = DVec2::new(f64::from(image.width), f64::from(image.height)) - 1.0;
+    let grid = (-2..=2).flat_map(|y| (-2..=2).map(move |x| DVec2::new(f64::from(x), f64::from(y)) / 2.0));
+    let inside = grid.filter(|by| by.length() <= 1.0).map(|by| (at + by * reach).floor().clamp(DVec2::ZERO, far));
+    inside.map(|pixel| lab(image, pixel.y as usize * image.width as usize + pixel.x as usize)).collect()
+}
+
+/// Drops the parts that do not hang together with the core.
+fn keep_touching(region: &mut Region, core: &Region) {
+    let parts = components(region, Connectivity::Four);
+    let mut touched = vec![false; parts.areas.len() + 1];
+    for (&part, &inside) in parts.labels.iter().zip(&core.inside) {
+        touched[part as usize] |= inside;
+    }
+    for (inside, &part) in region.inside.iter_mut().zip(&parts.labels) {
+        *inside = part > 0 && touched[part as usize];
+    }
+}
+
+fn lab(image: &Image, at: usize) -> Vec3 {
+    Vec3::from_array(lab_of_pixel(image.pixels[at]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 120 × 80 pixels: `left` up to column 60, then `right`, both with noise.
+    fn halves(left: [i32; 3], right: [i32; 3], noise: i32) -> Image {
+        let pixel = |at: usize| {
+            let wobble = ((at * 2_654_435_761) >> 9) as i32 % (2 * noise + 1) - noise;
+            let color = if at % 120 < 60 { left } else { right };
+            color.map(|value| (value + wobble).clamp(0, 255) as u8)
+        };
+        Image { width: 120, height: 80, pixels: (0..120 * 80).map(pixel).collect() }
+    }
+
+    const UPRIGHT: [DVec2; 2] = [DVec2::new(52.0, 20.0), DVec2::new(52.0, 60.0)];
+
+    #[test]
+    fn a_brush_over_an_edge_does_not_spill() {
+        for (left, right) in
+            [([90, 120, 60], [170, 160, 150]), ([60, 60, 60], [90, 90, 90]), ([120, 120, 120], [150, 105, 120])]
+        {
+            let image = halves(left, right, 4);
+            let plain = stroke(120, 80, &UPRIGHT, 14.0).unwrap();
+            let snapped = snapped_stroke(&image, &UPRIGHT, 14.0).unwrap();
+            let beyond = |region: &Region| {
+                (0..80).flat_map(|y| (60..120).map(move |x| (x, y))).filter(|&(x, y)| region.at(x, y)).count()
+            };
+            let lost = (0..80)
+                .flat_map(|y| (0..60).map(move |x| (x, y)))
+                .filter(|&(x, y)| plain.at(x, y) && !snapped.at(x, y))
+                .count();
+            assert!(beyond(&plain) > 200, "the plain brush spills");
+            assert!(beyond(&snapped) < 8, "{left:?} | {right:?}: {} pixels spilt", beyond(&snapped));
+            assert!(lost < 20, "{left:?} | {right:?}: {lost} pixels lost");
+        }
+    }
+
+    #[test]
+    fn without_edges_it_is_nearly_the_plain_brush() {
+        for noise in [0, 3, 12, 40] {
+            let image = halves([110, 130, 90], [110, 130, 90], noise);
+            let plain = stroke(120, 80, &UPRIGHT, 14.0).unwrap();
+            let iou = snapped_stroke(&image, &UPRIGHT, 14.0).unwrap().iou(&plain);
+            assert!(iou > 0.98, "noise {noise}: {iou:.3}");
+        }
+    }
+
+    #[test]
+    fn the_core_is_always_painted_and_nothing_outside_the_stroke() {
+        let image = halves([20, 20, 20], [230, 230, 230], 9);
+        for x in [40.0, 55.0, 60.0, 66.0, 119.9, 130.0] {
+            let points = [DVec2::new(x, 10.0), DVec2::new(x, 70.0)];
+            for radius in [0.6, 2.0, 9.0, 30.0] {
+                let mut snapped = snapped_stroke(&image, &points, radius).unwrap();
+                let mut core = stroke(120, 80, &points, radius * CORE_SHARE).unwrap();
+                core.subtract(&snapped);
+                snapped.subtract(&stroke(120, 80, &points, radius).unwrap());
+                assert!(core.is_empty() && snapped.is_empty(), "x {x}, radius {radius}");
+            }
+        }
+        assert!(snapped_stroke(&image, &[], 3.0).is_err());
+    }
+
+    #[test]
+    fn a_thin_line_beyond_the_edge_keeps_nothing_behind_it() {
+        let mut image = halves([110, 130, 90], [110, 130, 90], 2);
+        for y in 0..80 {
+            image.pixels[y * 120 + 60..y * 120 + 62].fill([20, 20, 20]);
+        }
+        let snapped = snapped_stroke(&image, &UPRIGHT, 16.0).unwrap();
+        let behind = (0..80).flat_map(|y| (62..120).map(move |x| (x, y))).filter(|&(x, y)| snapped.at(x, y)).count();
+        assert_eq!(behind, 0);
+    }
+}

@@ -1,0 +1,101 @@
+use super::assign::{PaintRule, assign, erase};
+use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, Region};
+
+/// Fills the holes of a label that have fewer than `holes_below_px` pixels and removes its islands that have fewer than
+/// `islands_below_px` pixels (0 = none); returns how many pixels changed. A hole is closed in by the label; its pixels
+/// that belong to other labels stay, but for those of the label's own ancestors. The label's parts count as the label
+/// where pieces are looked for, and keep their pixels. Diagonals join an island to the rest; the largest piece is no
+/// island.
+///
+/// # Errors
+/// [`MaskError::Label`] when the mask does not show the label.
+pub fn tidy(
+    mask: &mut LabelMask,
+    label: LabelId,
+    holes_below_px: usize,
+    islands_below_px: usize,
+    tree: &LabelTree,
+) -> Result<usize, MaskError> {
+    if !mask.ids.contains(&label) {
+        return Err(MaskError::Label("the label is not on this frame; choose another frame or label".into()));
+    }
+    let mut after = mask.region_with_parts(label, tree);
+    if let Some(most) = holes_below_px.checked_sub(1) {
+        after.fill_holes(most);
+    }
+    let filled = assign(mask, &after, label, PaintRule::Protect, tree)?;
+    let islands = islands(&mask.region_with_parts(label, tree), islands_below_px);
+    Ok(filled + erase(mask, &islands, Some(label))?)
+}
+
+/// The pieces of a region below a size, without the largest piece.
+fn islands(region: &Region, below_px: usize) -> Region {
+    let (mut islands, mut large, mut largest) = (region.clone(), region.clone(), region.clone());
+    large.remove_islands(below_px);
+    largest.keep_largest();
+    islands.subtract(&large);
+    islands.subtract(&largest);
+    islands
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::tests::{frame, tree};
+    use super::*;
+    use crate::masks::components::{Connectivity, components};
+
+    proptest! {
+        #[test]
+        fn only_small_holes_and_islands_of_the_label_change(
+            (mask, _) in frame(), id in 1u16..6, holes in 0usize..12, islands in 0usize..12,
+        ) {
+            let (label, tree) = (LabelId(id), tree());
+            prop_assume!(mask.ids.contains(&label));
+            let before = mask.region_with_parts(label, &tree);
+            let mut tidied = mask.clone();
+            let changed = tidy(&mut tidied, label, holes, islands, &tree).unwrap();
+            let (mut filled, mut largest) = (before.clone(), before.clone());
+            filled.fill_holes(holes.max(1) - 1);
+            largest.keep_largest();
+            let mut counted = 0;
+            for (at, (&old, &new)) in mask.ids.iter().zip(&tidied.ids).enumerate() {
+                counted += usize::from(old != new);
+                if old != new && new == label {
+                    prop_assert!(filled.inside[at] && (old == LabelId::NONE || tree.is_ancestor(old, label)));
+                } else if old != new {
+                    prop_assert!(old == label && new == LabelId::NONE && !largest.inside[at]);
+                }
+            }
+            prop_assert!(changed >= counted, "a pixel may be filled and go with its island");
+            let whole = tidied.region_with_parts(label, &tree);
+            let pieces = components(&whole, Connectivity::Eight);
+            let most = pieces.areas.iter().copied().max().unwrap_or(0);
+            for (&piece, &id) in pieces.labels.iter().zip(&tidied.ids).filter(|(_, id)| **id == label) {
+                let area = pieces.areas[piece as usize - 1];
+                prop_assert!(area >= islands || area == most, "a piece of {} pixels of {:?}", area, id);
+            }
+            let again = tidied.clone();
+            tidy(&mut tidied, label, holes, islands, &tree).unwrap();
+            prop_assert_eq!(tidied, again);
+        }
+    }
+
+    #[test]
+    fn a_pinhole_is_filled_and_a_speck_removed() {
+        let rows = ["#####....", "#.#.#..#.", "#####....", ".....2...", "........."];
+        let id = |byte: u8| match byte {
+            b'#' => LabelId(5),
+            b'2' => LabelId(2),
+            _ => LabelId::NONE,
+        };
+        let ids = rows.iter().flat_map(|row| row.bytes().map(id)).collect();
+        let mut mask = LabelMask { width: 9, height: 5, ids };
+        let mut plain = mask.clone();
+        assert_eq!(tidy(&mut plain, LabelId(5), 0, 0, &tree()).unwrap(), 0);
+        assert_eq!(tidy(&mut mask, LabelId(5), 2, 2, &tree()).unwrap(), 3);
+        assert_eq!((mask.at(1, 1), mask.at(7, 1), mask.at(5, 3)), (LabelId(5), LabelId::NONE, LabelId(2)));
+        assert!(tidy(&mut mask, LabelId(4), 2, 2, &tree()).is_err());
+    }
+}

@@ -1,0 +1,213 @@
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use glam::{DVec2, Vec3A};
+
+use super::crop::Crop;
+use super::ridge::{Ridge, RidgeFilter};
+use crate::frames::Image;
+
+/// Least and most room around two points in which the path between them is looked for, in pixels; between these a
+/// quarter of their distance.
+const ROOM_PX: (f64, f64) = (24.0, 200.0);
+
+/// A click is moved to the best line at most this far away, in pixels.
+const SNAP_PX: isize = 3;
+
+/// The price of length, that every pixel costs.
+const LENGTH_COST: f32 = 0.06;
+
+/// What another colour than that of the two points costs at most.
+const COLOR_COST: f32 = 0.6;
+
+/// Colour difference (ΔE) that costs half of it.
+const COLOR_HALF: f32 = 14.0;
+
+/// Lightness counts less than hue: a stem turns towards the light and away from it.
+const SHADING: Vec3A = Vec3A::new(0.5, 1.0, 1.0);
+
+/// Contrast (ΔE) that costs a quarter, at least and at most; between these half of what the points themselves have.
+const CONTRAST_HALF: (f32, f32) = (1.5, 12.0);
+
+/// One pixel of a path.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PathPixel {
+    /// Its centre in the picture, in pixels.
+    pub at_px: DVec2,
+    /// How it lies in the structure.
+    pub ridge: Ridge,
+}
+
+/// The cheapest way between two positions of the picture along what is thin and coloured like them, both ends included
+/// (minimal paths: Cohen and Kimmel, "Global minimum for active contour models: a minimal path approach", IJCV 1997;
+/// from pixel to pixel by Dijkstra's algorithm as in Mortensen and Barrett, "Intelligent scissors for image
+/// composition", SIGGRAPH 1995).
+pub(super) fn path_between(image: &Image, filter: &RidgeFilter, from_px: DVec2, to_px: DVec2) -> Vec<PathPixel> {
+    let crop = crop_around(image, from_px, to_px);
+    let mut search = Search::new(&crop, filter);
+    let ends = [search.snapped(from_px), search.snapped(to_px)];
+    search.expect(ends);
+    search.run(ends);
+    search.way_to(ends[1])
+}
+
+fn crop_around(image: &Image, a: DVec2, b: DVec2) -> Crop {
+    let room = (a.distance(b) / 4.0).clamp(ROOM_PX.0, ROOM_PX.1);
+    let size = DVec2::new(f64::from(image.width), f64::from(image.height));
+    let from = (a.min(b) - room).max(DVec2::ZERO);
+    let to = (a.max(b) + room).min(size);
+    Crop::cut(image, [from.x as usize, from.y as usize], [to.x.ceil() as usize, to.y.ceil() as usize])
+}
+
+/// The search over the pixels of a crop, towards its goal (A*: Hart, Nilsson and Raphael, "A formal basis for the
+/// heuristic determination of minimum cost paths", IEEE Transactions on Systems Science and Cybernetics, 1968); what a pixel costs is found when it is first reached, so that only
+/// the surroundings of the line are filtered.
+struct Search<'a> {
+    crop: &'a Crop,
+    filter: &'a RidgeFilter,
+    ridges: Vec<Option<Ridge>>,
+    distance: Vec<f32>,
+    before: Vec<u32>,
+    /// Middle and colour of both ends.
+    ends: [(DVec2, Vec3A); 2],
+    contrast_half: f32,
+    /// What a pixel costs at least: as much as the better end. The more this is, the straighter the search goes.
+    least: f32,
+}
+
+impl<'a> Search<'a> {
+    fn new(crop: &'a Crop, filter: &'a RidgeFilter) -> Self {
+        let count = crop.width * crop.height;
+        Self {
+            crop,
+            filter,
+            ridges: vec![None; count],
+            distance: vec![f32::INFINITY; count],
+            before: vec![u32::MAX; count],
+            ends: [(DVec2::ZERO, Vec3A::ZERO); 2],
+            contrast_half: CONTRAST_HALF.0,
+            least: LENGTH_COST,
+        }
+    }
+
+    /// The pixel of the strongest line near a position; nearer ones are preferred.
+    fn snapped(&mut self, at_px: DVec2) -> usize {
+        let x = (at_px.x as usize).clamp(self.crop.origin[0], self.crop.origin[0] + self.crop.width - 1);
+        let y = (at_px.y as usize).clamp(self.crop.origin[1], self.crop.origin[1] + self.crop.height - 1);
+        let (x, y) = ((x - self.crop.origin[0]) as isize, (y - self.crop.origin[1]) as isize);
+        let near = (-SNAP_PX..=SNAP_PX).flat_map(|dy| (-SNAP_PX..=SNAP_PX).map(move |dx| (dx, dy)));
+        let inside = near.filter_map(|(dx, dy)| Some((self.place(x + dx, y + dy)?, dx * dx + dy * dy)));
+        let inside: Vec<(usize, isize)> = inside.collect();
+        let worth = |(at, off): &(usize, isize), ridge: Ridge| (ridge.contrast / (1.0 + 0.1 * *off as f32), *at);
+        let found = inside.iter().map(|near| worth(near, self.ridge(near.0)));
+        found.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |(_, at)| at)
+    }
+
+    fn place(&self, x: isize, y: isize) -> Option<usize> {
+        let inside = x >= 0 && y >= 0 && x < self.crop.width as isize && y < self.crop.height as isize;
+        inside.then(|| y as usize * self.crop.width + x as usize)
+    }
+
+    fn ridge(&mut self, at: usize) -> Ridge {
+        let (x, y) = ((at % self.crop.width) as isize, (at / self.crop.width) as isize);
+        *self.ridges[at].get_or_insert_with(|| self.filter.at(self.crop, x, y))
+    }
+
+    fn middle(&self, at: usize) -> DVec2 {
+        DVec2::new((at % self.crop.width) as f64 + 0.5, (at / self.crop.width) as f64 + 0.5)
+    }
+
+    fn color(&self, at: usize) -> Vec3A {
+        self.crop.mean((at % self.crop.width) as isize, (at / self.crop.width) as isize, 0)
+    }
+
+    /// Learns from the two ends what the line looks like.
+    fn expect(&mut self, ends: [usize; 2]) {
+        let weaker = ends.map(|end| self.ridge(end).contrast).into_iter().fold(f32::INFINITY, f32::min);
+        self.contrast_half = (weaker / 2.0).clamp(CONTRAST_HALF.0, CONTRAST_HALF.1);
+        self.ends = ends.map(|end| (self.middle(end), self.color(end)));
+        self.least = ends.map(|end| self.cost(end)).into_iter().fold(f32::INFINITY, f32::min);
+    }
+
+    fn cost(&mut self, at: usize) -> f32 {
+        let ridge = self.ridge(at);
+        let missing = self.contrast_half / (ridge.contrast + self.contrast_half);
+        let off = ((self.color(at) - self.expected(at)) * SHADING).length_squared();
+        let cost = LENGTH_COST + missing * missing + COLOR_COST * off / (off + COLOR_HALF * COLOR_HALF);
+        cost.max(self.least)
+    }
+
+    /// The ends' colours, blended by how far along the way a pixel is.
+    fn expected(&self, at: usize) -> Vec3A {
+        let [(from, first), (to, last)] = self.ends;
+        let along = (self.middle(at) - from).dot(to - from) / (to - from).length_squared().max(1.0);
+        first.lerp(last, along.clamp(0.0, 1.0) as f32)
+    }
+
+    fn run(&mut self, [from, to]: [usize; 2]) {
+        let mut open = BinaryHeap::from([Reached { through: 0.0, distance: 0.0, at: from as u32 }]);
+        self.distance[from] = 0.0;
+        while let Some(Reached { distance, at, .. }) = open.pop() {
+            let at = at as usize;
+            if at == to {
+                return;
+            }
+            if distance > self.distance[at] {
+                continue;
+            }
+            let here = self.cost(at);
+            let (x, y) = ((at % self.crop.width) as isize, (at / self.crop.width) as isize);
+            for (dx, dy) in (-1..2).flat_map(|dy| (-1..2).map(move |dx| (dx, dy))) {
+                let Some(next) = self.place(x + dx, y + dy) else { continue };
+                let length = if dx * dy == 0 { 1.0 } else { std::f32::consts::SQRT_2 };
+                if self.distance[next] <= distance + length * here / 2.0 {
+                    continue;
+                }
+                let there = distance + length * (here + self.cost(next)) / 2.0;
+                if there < self.distance[next] {
+                    self.distance[next] = there;
+                    self.before[next] = at as u32;
+                    let left = self.middle(next).distance(self.middle(to)) as f32 * self.least;
+                    open.push(Reached { through: there + left, distance: there, at: next as u32 });
+                }
+            }
+        }
+    }
+
+    fn way_to(&mut self, end: usize) -> Vec<PathPixel> {
+        let mut way = vec![end];
+        while let Some(&before) = way.last().and_then(|&at| self.before.get(at)).filter(|&&at| at != u32::MAX) {
+            way.push(before as usize);
+        }
+        let origin = DVec2::new(self.crop.origin[0] as f64, self.crop.origin[1] as f64);
+        way.into_iter().rev().map(|at| PathPixel { at_px: origin + self.middle(at), ridge: self.ridge(at) }).collect()
+    }
+}
+
+struct Reached {
+    /// What a way through this pixel costs at least.
+    through: f32,
+    distance: f32,
+    at: u32,
+}
+
+impl Ord for Reached {
+    /// The most promising comes first out of a heap; of equal ones the first pixel.
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.through.total_cmp(&self.through).then(other.at.cmp(&self.at))
+    }
+}
+
+impl PartialOrd for Reached {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Reached {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Reached {}

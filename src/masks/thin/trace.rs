@@ -1,0 +1,73 @@
+use glam::DVec2;
+
+use super::path::{PathPixel, path_between};
+use super::ribbon::{LinePoint, filled, smooth_line, smooth_widths, split};
+use super::ridge::RidgeFilter;
+use super::strip::{edge_distances, median, shift};
+use crate::frames::Image;
+use crate::masks::{MaskError, Region};
+
+/// Points nearer than this count as one, in pixels.
+const SAME_PX: f64 = 1.0;
+
+/// Neighbouring points may be this far apart, in pixels: it bounds the part of the picture that is looked at.
+const MOST_APART_PX: f64 = 1500.0;
+
+/// How often the line is moved to the middle between its edges.
+const ROUNDS: usize = 2;
+
+/// The pixels of a thin structure (stem, wire; up to about 25 pixels wide) that runs through the points, in their
+/// order. Points are in pixels, a few pixels off the structure is near enough; each reach from one to the next follows
+/// the line of most contrast and likest colour, and its width is measured from the edges on both sides at every pixel.
+/// The structure ends at the first and the last point.
+///
+/// # Errors
+/// [`MaskError::Request`] for fewer than two different points, points outside the picture or too far apart.
+pub fn trace(image: &Image, points_px: &[DVec2]) -> Result<Region, MaskError> {
+    let points = checked(image, points_px)?;
+    let filter = RidgeFilter::new();
+    let mut path: Vec<PathPixel> = Vec::new();
+    for ends in points.windows(2) {
+        let part = path_between(image, &filter, ends[0], ends[1]);
+        path.extend(&part[usize::from(!path.is_empty()).min(part.len())..]);
+    }
+    let (places, ridges) = split(&path);
+    let mut line = smooth_line(&places, &ridges);
+    let reach_px = reach(&line);
+    let mut edges = edges_of(image, &line, reach_px);
+    for _ in 1..ROUNDS {
+        let middles = line.iter().enumerate().map(|(at, point)| shift(point, edges[0][at], edges[1][at]));
+        line = smooth_line(&middles.collect::<Vec<_>>(), &ridges);
+        edges = edges_of(image, &line, reach_px);
+    }
+    filled(image.width, image.height, &line, [&edges[0], &edges[1]])
+}
+
+fn checked(image: &Image, points_px: &[DVec2]) -> Result<Vec<DVec2>, MaskError> {
+    let refuse = |what: String| Err(MaskError::Request(what));
+    let (width, height) = (f64::from(image.width), f64::from(image.height));
+    let inside = |p: &DVec2| p.is_finite() && p.x >= 0.0 && p.y >= 0.0 && p.x <= width && p.y <= height;
+    if let Some(out) = points_px.iter().find(|point| !inside(point)) {
+        return refuse(format!("the point {}, {} is outside the picture ({width}×{height}); move it in", out.x, out.y));
+    }
+    let mut points = points_px.to_vec();
+    points.dedup_by(|a, b| a.distance(*b) < SAME_PX);
+    if points.len() < 2 {
+        return refuse("a thin structure needs two different points or more: where it begins and where it ends".into());
+    }
+    if points.windows(2).any(|ends| ends[0].distance(ends[1]) > MOST_APART_PX) {
+        return refuse(format!("two points are more than {MOST_APART_PX} pixels apart; give one in between"));
+    }
+    Ok(points)
+}
+
+/// How far from the line edges are looked for, in pixels.
+fn reach(line: &[LinePoint]) -> f64 {
+    let mut half_widths: Vec<f32> = line.iter().map(|point| point.ridge.half_width_px).collect();
+    2.0 * f64::from(median(&mut half_widths)) + 4.0
+}
+
+/// Distances of the left and the right edge, smoothed along the line.
+fn edges_of(image: &Image, line: &[LinePoint], reach_px: f64) -> [Vec<f64>; 2] {
+    [-1.0, 1.0].map(|side| smooth_widths(&edge_distances(image, line, side, reach_px)))
+}

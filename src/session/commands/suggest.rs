@@ -1,0 +1,96 @@
+use std::sync::Arc;
+
+use anyhow::{Result, ensure};
+
+use crate::engine::job::Progress;
+use crate::frames::FrameStore;
+use crate::masks::builtin::standing_apart;
+use crate::masks::flow::{FlowOptions, moving_apart};
+use crate::masks::{Unexplained, deepest_point};
+use crate::session::jobs::{Kind, Landing};
+use crate::session::{JobId, Project, Session, Suggestion};
+
+/// Frames looked at, spread over those with masks.
+const LOOKED_AT: usize = 16;
+/// How far away the frame lies against which motion is measured.
+const APART: usize = 3;
+/// Most suggestions.
+const MOST: usize = 8;
+/// Overlap from which on areas of neighbouring looks are one thing.
+const SAME_IOU: f64 = 0.15;
+
+impl Session {
+    /// Looks for things that no label explains on frames with masks.
+    pub(in crate::session) fn suggest(&mut self) -> Result<JobId> {
+        let (project, store) = (self.snapshot()?, Arc::clone(&self.store));
+        ensure!(!project.masks.is_empty(), "no frame has a mask; prompt and track first");
+        Ok(self.start("Suggest", Kind::Short, move |link| {
+            let found = suggestions(&project, &store, &link.progress)?;
+            Ok(Box::new(move |session: &mut Self| {
+                session.suggestions = found;
+                Ok(())
+            }) as Landing)
+        }))
+    }
+
+    /// What the last search for unexplained things found, the most telling first.
+    #[must_use]
+    pub fn suggestions(&self) -> &[Suggestion] {
+        &self.suggestions
+    }
+}
+
+fn suggestions(project: &Project, store: &FrameStore, progress: &Progress) -> Result<Vec<Suggestion>> {
+    progress.stage("suggest")?;
+    let frames: Vec<usize> = project.masks.keys().copied().collect();
+    let looks: Vec<usize> = frames.iter().copied().step_by(frames.len().div_ceil(LOOKED_AT)).collect();
+    let mut found: Vec<(usize, usize, Unexplained)> = Vec::new();
+    for (look, &frame) in looks.iter().enumerate() {
+        progress.step(look, looks.len())?;
+        found.extend(unexplained_on(project, store, frame)?.into_iter().map(|one| (look, frame, one)));
+    }
+    found.sort_by(|a, b| (a.2.why).cmp(&b.2.why).then(b.2.strength.total_cmp(&a.2.strength)));
+    let mut kept: Vec<&(usize, usize, Unexplained)> = Vec::new();
+    for one in &found {
+        let is_same = |other: &&(usize, usize, Unexplained)| {
+            let same_size = one.2.region.width == other.2.region.width && one.2.region.height == other.2.region.height;
+            one.0.abs_diff(other.0) <= 2 && same_size && one.2.region.iou(&other.2.region) > SAME_IOU
+        };
+        if kept.len() < MOST && !kept.iter().any(is_same) {
+            kept.push(one);
+        }
+    }
+    Ok(kept.into_iter().filter_map(|(_, frame, one)| suggestion(*frame, one)).collect())
+}
+
+/// What no label of a frame explains: by motion towards a frame nearby, and by depth where there is some.
+fn unexplained_on(project: &Project, store: &FrameStore, frame: usize) -> Result<Vec<Unexplained>> {
+    let of = project.frame(frame)?;
+    let Some(mask) = project.masks.get(&frame).map(|mask| mask.runs.decode()) else { return Ok(Vec::new()) };
+    let mut found = Vec::new();
+    let later = project.frames.get(frame + APART).or_else(|| project.frames.get(frame.checked_sub(APART)?));
+    if let Some(other) = later {
+        found.extend(moving_apart(&*store.image(of)?, &*store.image(other)?, &mask, &FlowOptions::default()));
+    }
+    if let Some(depth) = store.depth(of)? {
+        found.extend(standing_apart(&depth, &mask));
+    }
+    Ok(found)
+}
+
+fn suggestion(frame: usize, found: &Unexplained) -> Option<Suggestion> {
+    let region = &found.region;
+    let (x, y) = deepest_point(region)?;
+    let inside = || (0..region.inside.len()).filter(|&at| region.inside[at]);
+    let width = region.width as usize;
+    let (left, right) = (inside().map(|at| at % width).min()?, inside().map(|at| at % width).max()?);
+    let (top, bottom) = (inside().map(|at| at / width).min()?, inside().map(|at| at / width).max()?);
+    let corner = |x: usize, y: usize| glam::DVec2::new(x as f64, y as f64);
+    Some(Suggestion {
+        frame,
+        at_px: glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5),
+        around_px: crate::masks::PxBox { min_px: corner(left, top), max_px: corner(right + 1, bottom + 1) },
+        share: region.area() as f64 / region.inside.len() as f64,
+        why: found.why,
+    })
+}

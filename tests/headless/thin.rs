@@ -1,0 +1,110 @@
+//! The thin-structure tool on the made scene: three points along a blade or culm against its true pixels.
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use glam::DVec2;
+use ostra::masks::{LabelId, LabelMask, Region, squared_depth_in, trace};
+use ostra::scene::synthetic::{RenderedView, Scene, SceneOptions};
+
+/// Steps from a pixel to all pixels that can be reached from it through the region; gaps of one pixel are no end.
+fn steps_from(region: &Region, start: usize) -> Vec<Option<u32>> {
+    let (width, height) = (i64::from(region.width), i64::from(region.height));
+    let mut steps = vec![None; region.inside.len()];
+    steps[start] = Some(0);
+    let mut open = VecDeque::from([(start, 0)]);
+    while let Some((at, step)) = open.pop_front() {
+        let (x, y) = (at as i64 % width, at as i64 / width);
+        for (u, v) in (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (x + dx, y + dy))) {
+            let next = (v * width + u) as usize;
+            if u >= 0 && v >= 0 && u < width && v < height && region.inside[next] && steps[next].is_none() {
+                steps[next] = Some(step + 1);
+                open.push_back((next, step + 1));
+            }
+        }
+    }
+    steps
+}
+
+/// Points along the middle of a region that is in one piece, from end to end; none where it is in pieces.
+fn along(region: &Region, count: usize) -> Option<Vec<DVec2>> {
+    let start = region.inside.iter().position(|&inside| inside)?;
+    let farthest = |steps: &[Option<u32>]| (0..steps.len()).max_by_key(|&at| steps[at]);
+    let steps = steps_from(region, farthest(&steps_from(region, start))?);
+    let last = steps[farthest(&steps)?]?;
+    if steps.iter().flatten().count() < region.area() {
+        return None;
+    }
+    let depth = squared_depth_in(region);
+    let point = |k: usize| {
+        let wanted = (f64::from(last) * (0.02 + 0.96 * k as f64 / (count - 1) as f64)).round() as u32;
+        let near = |at: &usize| steps[*at].is_some_and(|step| step.abs_diff(wanted) <= 1);
+        let at = (0..steps.len()).filter(near).max_by_key(|&at| depth[at])?;
+        let width = region.width as usize;
+        Some(DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5))
+    };
+    (0..count).map(point).collect()
+}
+
+/// The parts of the plant that are in one piece and long: blades, and culms with the sheaths around them.
+fn parts(scene: &Scene, mask: &LabelMask) -> Vec<(String, Region)> {
+    let named = |wanted: &'static str| scene.tree().iter().filter(move |label| label.name.ends_with(wanted));
+    let blades = named("blade").map(|label| (label.name.clone(), mask.region(label.id)));
+    let green: Vec<LabelId> = named("sheath").map(|label| label.id).collect();
+    let stems = scene.tree().iter().filter(|label| label.name.starts_with("stem "));
+    let culms = stems.map(|stem| {
+        let own = mask.region(stem.id);
+        let mut all = own.clone();
+        for &sheath in &green {
+            let sheath = mask.region(sheath);
+            let mut touching = sheath.dilated(1.5);
+            touching.intersect(&own);
+            if !touching.is_empty() {
+                all.unite(&sheath);
+            }
+        }
+        (stem.name.clone(), all)
+    });
+    blades.chain(culms).filter(|(_, region)| region.area() >= 250).collect()
+}
+
+fn score(scene: &Scene, view: &RenderedView, scores: &mut Vec<f64>) {
+    for (name, truth) in parts(scene, &view.mask) {
+        let Some(points) = along(&truth, 3) else { continue };
+        let began = Instant::now();
+        let found = trace(&view.image, &points).unwrap();
+        let iou = found.iou(&truth);
+        println!("{name}: IoU {iou:.3} of {} px, {:.0} ms", truth.area(), began.elapsed().as_secs_f64() * 1e3);
+        scores.push(iou);
+    }
+}
+
+#[test]
+fn three_points_give_a_blade_or_culm_of_the_made_plant() {
+    let scene = Scene::build(&SceneOptions::default()).unwrap();
+    let mut scores = Vec::new();
+    for at in [0, 8, 16, 23] {
+        score(&scene, &scene.render(&scene.views()[at]), &mut scores);
+    }
+    scores.sort_by(f64::total_cmp);
+    let mean = scores.iter().sum::<f64>() / scores.len() as f64;
+    let median = scores[scores.len() / 2];
+    println!("{} blades and culms by three points: IoU mean {mean:.3}, median {median:.3}", scores.len());
+    assert!(scores.len() >= 20, "{}", scores.len());
+    assert!(mean >= 0.70 && median >= 0.80, "mean {mean:.3}, median {median:.3}");
+}
+
+#[test]
+fn a_long_culm_in_a_large_picture_is_traced_while_one_waits() {
+    let options = SceneOptions { width: 1280, height: 720, ..SceneOptions::default() };
+    let scene = Scene::build(&options).unwrap();
+    let view = scene.render(&scene.views()[12]);
+    let longest = parts(&scene, &view.mask).into_iter().filter_map(|(name, truth)| Some((name, along(&truth, 3)?)));
+    for (name, points) in longest {
+        let began = Instant::now();
+        let found = trace(&view.image, &points).unwrap();
+        let length: f64 = points.windows(2).map(|ends| ends[0].distance(ends[1])).sum();
+        println!("{name}: {length:.0} px long, {} px, {:.0} ms", found.area(), began.elapsed().as_secs_f64() * 1e3);
+        assert!(!found.is_empty());
+    }
+}
