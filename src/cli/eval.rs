@@ -1,8 +1,8 @@
 use anyhow::{Result, bail};
 use serde::Serialize;
 
-use super::args::{Align, EvalArgs, EvalVerb, InteractArgs};
 use super::drive::{Interrupted, ProgressLines};
+use super::eval_args::{Align, EvalArgs, EvalVerb, InteractArgs};
 use super::print::say;
 use crate::geometry::Alignment;
 use crate::session::evaluate::{

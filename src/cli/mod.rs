@@ -9,6 +9,7 @@ mod args;
 mod demo;
 mod drive;
 mod eval;
+mod eval_args;
 mod info;
 mod mask_args;
 mod masks;

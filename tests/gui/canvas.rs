@@ -186,9 +186,9 @@ fn a_click_is_previewed_where_the_pointer_rests_unless_something_is_sent_or_it_i
     harness.run_steps(2);
     assert!(harness.state().asked.is_empty(), "a preview asks for no change");
 
-    press(&mut harness, Modifiers::SHIFT, Key::V);
+    press(&mut harness, Modifiers::NONE, Key::F3);
     assert!(!harness.state().shell.view.prefs.hover_preview && harness.state().shell.view.hover_wish.is_none());
-    press(&mut harness, Modifiers::SHIFT, Key::V);
+    press(&mut harness, Modifiers::NONE, Key::F3);
     harness.run_steps(6);
     assert!(harness.state().shell.view.hover_wish.is_some());
     click_at(&mut harness, at, PointerButton::Primary);

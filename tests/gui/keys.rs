@@ -22,12 +22,12 @@ fn digits_choose_labels_in_the_order_of_the_list() {
 }
 
 #[test]
-fn h_fills_holes_and_i_removes_islands_of_the_size_in_the_tool_bar() {
+fn shift_h_fills_holes_and_shift_k_removes_islands_of_the_size_in_the_tool_bar() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.prefs.tidy_px = 30;
     press(&mut harness, Modifiers::NONE, Key::Num2);
-    press(&mut harness, Modifiers::NONE, Key::H);
-    press(&mut harness, Modifiers::NONE, Key::I);
+    press(&mut harness, Modifiers::SHIFT, Key::H);
+    press(&mut harness, Modifiers::SHIFT, Key::K);
     harness.get_by_label("Fill holes of label").click();
     harness.run_steps(2);
     let tidied: Vec<_> = harness

@@ -1,40 +1,21 @@
 //! Films through ffmpeg: which pictures they have, and that each index always gives the same one.
 
-use std::io::Write;
 use std::path::Path;
-use std::process::{Command, Stdio};
 
 use ostra::engine::job::Progress;
 use ostra::frames::{Frame, FrameFolder, FrameStore, OpenRequest, Opened, open};
 
+use crate::support::film::{self, Making, has_ffmpeg};
+
 const COUNT: u64 = 80;
 const SIZE: (u32, u32) = (96, 64);
 
-/// Whether ffmpeg is there; where it is not, that is a failure when `CI` is set.
-fn has_ffmpeg() -> bool {
-    let found = Command::new("ffmpeg").arg("-version").output().is_ok();
-    assert!(found || std::env::var_os("CI").is_none(), "ffmpeg is missing");
-    if !found {
-        eprintln!("skipped: ffmpeg is missing");
-    }
-    found
-}
-
 /// A film whose picture k shows k: the left half k / 10, the right half k mod 10, as grey.
 fn make_film(path: &Path, options: &str) {
-    let mut command = Command::new("ffmpeg");
-    let size = format!("{}x{}", SIZE.0, SIZE.1);
-    command.args(["-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "gray", "-s", &size, "-r", "25", "-i", "-"]);
-    command.args(options.split_whitespace()).arg(path).stdin(Stdio::piped());
-    let mut child = command.spawn().unwrap();
-    let mut input = child.stdin.take().unwrap();
-    for k in 0..COUNT {
+    film::make_film(path, &Making { size: SIZE, pixels: "gray", count: COUNT, options }, |k| {
         let grey = |x: u32| if x < SIZE.0 / 2 { 30 + 20 * (k / 10) as u8 } else { 30 + 20 * (k % 10) as u8 };
-        let pixels: Vec<u8> = (0..SIZE.0 * SIZE.1).map(|at| grey(at % SIZE.0)).collect();
-        input.write_all(&pixels).unwrap();
-    }
-    drop(input);
-    assert!(child.wait().unwrap().success());
+        (0..SIZE.0 * SIZE.1).map(|at| grey(at % SIZE.0)).collect()
+    });
 }
 
 /// Which picture of [`make_film`] a frame shows.

@@ -33,13 +33,13 @@ fn project(folder: &Path) {
 }
 
 /// Pixels of the labels 1 and 2 on each frame of the exported masks.
-fn areas(folder: &Path) -> Vec<[usize; 2]> {
+fn areas(folder: &Path) -> [[usize; 2]; 6] {
     let out = folder.join("out");
     let _ = std::fs::remove_dir_all(&out);
     done("masks p export out", folder);
     let mask = |frame| ostra::masks::read_palette_png(&out.join(format!("{frame}.png"))).unwrap();
     let count = |frame, id| mask(frame).ids.iter().filter(|at| at.0 == id).count();
-    (0..6).map(|frame| [1, 2].map(|id| count(frame, id))).collect()
+    [0, 1, 2, 3, 4, 5].map(|frame| [1, 2].map(|id| count(frame, id)))
 }
 
 #[test]
@@ -65,8 +65,20 @@ fn labels_are_changed_over_a_range() {
         };
         assert_eq!([red, blue], expected, "frame {frame}");
     }
+}
+
+#[test]
+fn a_tracker_neither_brings_back_what_was_deleted_nor_changes_what_is_locked() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    project(folder);
+    done("range p delete --label red --from 2 --to 3", folder);
+    done("range p lock --label blue --from 5", folder);
     done("track p --tracker flow", folder);
-    assert_eq!(areas(folder)[2][0], 0, "a tracker does not bring back what was deleted");
+    let seen = areas(folder);
+    let is_seen = seen.map(|[red, blue]| [red > 400, blue > 400]);
+    let expected = [[true, true], [true, true], [false, true], [false, true], [true, true], [true, false]];
+    assert_eq!(is_seen, expected, "{seen:?}");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+pub mod film;
 pub mod recording;
 
 /// The folder of real data sets (`OSTRA_DATA`, by default `../shared/data`); `None`, after a printed line, where it is

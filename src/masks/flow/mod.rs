@@ -19,6 +19,7 @@ mod object;
 mod options;
 mod patches;
 mod picture;
+mod pictures;
 mod plane;
 mod pyramid;
 mod sampling;

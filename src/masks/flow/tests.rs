@@ -16,6 +16,8 @@ use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore, Orientation, PictureSource};
 use crate::masks::{Direction, LabelId, LabelMask, TrackRequest, TrackedFrame, Tracker};
 
+mod robust;
+
 const WIDTH: u32 = 160;
 const HEIGHT: u32 = 120;
 const LEFT: LabelId = LabelId(1);

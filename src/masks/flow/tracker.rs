@@ -4,8 +4,9 @@ use super::gap::{Gap, gaps};
 use super::merge::merged;
 use super::options::FlowOptions;
 use super::picture::{Picture, enlarged_mask, reduced_mask, working_size};
+use super::pictures::{Pictures, Route};
 use super::walk::{Change, Walk, WalkedFrame};
-use crate::engine::job::Progress;
+use crate::engine::job::{Progress, Stopped};
 use crate::masks::{LabelId, LabelMask, MaskError, RunMask, TrackRequest, TrackedFrame, Tracker};
 
 /// Carries masks through films and photos without depth or weights.
@@ -37,9 +38,14 @@ impl Tracker for FlowTracker {
             )));
         }
         let total = gaps.iter().map(Gap::steps).sum();
-        let mut run = Run { options: &self.options, request, emit, progress, done: 0, total };
+        let pictures = Pictures::new(request, progress);
+        let mut run =
+            Run { options: &self.options, request, emit, progress, pictures, done: 0, total, answered: false };
         gaps.iter().try_for_each(|gap| run.fill(gap))?;
-        Ok(Vec::new())
+        match (!run.answered).then(|| run.pictures.failure()).flatten() {
+            Some(failure) => Err(failure),
+            None => Ok(run.pictures.warnings()),
+        }
     }
 }
 
@@ -48,8 +54,11 @@ struct Run<'a> {
     request: &'a TrackRequest,
     emit: &'a mut dyn FnMut(TrackedFrame),
     progress: &'a Progress,
+    pictures: Pictures<'a>,
     done: usize,
     total: usize,
+    /// Whether any frame was handed on.
+    answered: bool,
 }
 
 /// A frame of the walk from the anchor before, kept until the walk from the anchor after reaches it.
@@ -99,7 +108,7 @@ impl Run<'_> {
     }
 
     /// Walks from an anchor to the frame `last`, which lies before or after it; the colours of the anchor at the other
-    /// end are heeded too.
+    /// end are heeded too. An anchor that cannot be read starts no walk.
     fn walk(
         &mut self,
         anchor: usize,
@@ -108,41 +117,32 @@ impl Run<'_> {
         size: (usize, usize),
         found: &mut dyn FnMut(&mut Self, usize, WalkedFrame),
     ) -> Result<(), MaskError> {
-        let frames: Vec<usize> =
-            if last > anchor { (anchor + 1..=last).collect() } else { (last..anchor).rev().collect() };
-        let (mut picture, mask) = self.anchor(anchor, size)?;
-        self.progress.check()?;
+        let Some((mut picture, mask)) = self.anchor(anchor, size)? else { return Ok(()) };
         let mut walk = Walk::new(self.options, &picture, &mask);
-        if let Some(other) = other {
-            let (picture, mask) = self.anchor(other, size)?;
+        if let Some(other) = other
+            && let Some((picture, mask)) = self.anchor(other, size)?
+        {
             walk.learn(&picture, &mask);
         }
-        self.progress.check()?;
-        let Some(&first) = frames.first() else { return Ok(()) };
-        let mut change = self.change(&picture, first, size)?;
-        for (step, &frame) in frames.iter().enumerate() {
-            picture = Arc::clone(&change.next);
-            let (request, next) = (self.request, frames.get(step + 1).copied());
-            let ahead = || next.map(|next| Ok::<_, MaskError>(Change::new(&picture, load(request, next, size)?)));
-            let (walked, following) = rayon::join(|| walk.advance(change), ahead);
-            found(self, frame, walked);
-            self.done += 1;
+        let mut route = Route::new(anchor, last, size);
+        let mut at = anchor;
+        let mut coming = change(&mut route, &mut self.pictures, &picture)?;
+        while let Some((frame, step)) = coming {
+            picture = Arc::clone(&step.next);
+            let (pictures, progress) = (&mut self.pictures, self.progress);
+            let ahead = || change(&mut route, pictures, &picture);
+            let (walked, following) = rayon::join(|| walk.advance(step, progress), ahead);
+            found(self, frame, walked?);
+            self.done += frame.abs_diff(std::mem::replace(&mut at, frame));
             self.progress.step(self.done, self.total)?;
-            match following.transpose()? {
-                Some(following) => change = following,
-                None => break,
-            }
+            coming = following?;
         }
         Ok(())
     }
 
-    fn anchor(&self, frame: usize, size: (usize, usize)) -> Result<(Arc<Picture>, LabelMask), MaskError> {
-        let mask = reduced_mask(&self.request.anchors[&frame], size);
-        Ok((load(self.request, frame, size)?, mask))
-    }
-
-    fn change(&self, picture: &Picture, next: usize, size: (usize, usize)) -> Result<Change, MaskError> {
-        Ok(Change::new(picture, load(self.request, next, size)?))
+    fn anchor(&mut self, frame: usize, size: (usize, usize)) -> Result<Option<(Arc<Picture>, LabelMask)>, Stopped> {
+        let picture = self.pictures.load(frame, size)?;
+        Ok(picture.map(|picture| (picture, reduced_mask(&self.request.anchors[&frame], size))))
     }
 
     fn hand_on(&mut self, frame: usize, walked: &WalkedFrame, preliminary: bool) {
@@ -151,9 +151,11 @@ impl Run<'_> {
         let shown = |id: &LabelId| walked.mask.ids.contains(id);
         let confidence = walked.confidence.iter().filter(|(id, _)| shown(id)).map(|(&id, &sure)| (id, sure)).collect();
         (self.emit)(TrackedFrame { frame, mask, confidence, preliminary });
+        self.answered = true;
     }
 }
 
-fn load(request: &TrackRequest, frame: usize, size: (usize, usize)) -> Result<Arc<Picture>, MaskError> {
-    Ok(Arc::new(Picture::new(&*request.store.image(&request.frames[frame])?, size)))
+/// The next frame of a route, and how pixels move to it.
+fn change(route: &mut Route, pictures: &mut Pictures<'_>, last: &Picture) -> Result<Option<(usize, Change)>, Stopped> {
+    Ok(route.next(pictures)?.map(|(frame, next)| (frame, Change::new(last, next))))
 }

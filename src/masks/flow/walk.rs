@@ -11,6 +11,7 @@ use super::object::{Object, Prediction};
 use super::options::FlowOptions;
 use super::picture::Picture;
 use super::plane::{Flow, Plane};
+use crate::engine::job::{Progress, Stopped};
 use crate::masks::{LabelId, LabelMask, Region};
 
 /// Pixels whose motion is looked at to find the background's.
@@ -112,36 +113,30 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Carries all objects to the next frame; their mask there, at the working size.
-    pub fn advance(&mut self, mut change: Change) -> WalkedFrame {
+    /// Carries all objects to the next frame; their mask there, at the working size. After a stop the walk is at no
+    /// frame any more.
+    pub fn advance(&mut self, mut change: Change, progress: &Progress) -> Result<WalkedFrame, Stopped> {
         let options = self.options;
         change.find_background(&self.objects.iter().map(Object::expected).collect::<Vec<_>>());
-        let known: Vec<(Prediction, Evidence)> = self
-            .objects
-            .par_iter_mut()
-            .map(|object| {
-                let prediction = object.predict(&change, options);
-                let evidence = evidence(object, &prediction, &change, options);
-                (prediction, evidence)
-            })
-            .collect();
-        let rivals = Rivals::new(&known, change.next.width * change.next.height, change.next.width);
-        let decided: Vec<(Region, Prediction, Evidence)> = self
-            .objects
-            .par_iter()
-            .zip(known)
-            .enumerate()
-            .map(|(place, (object, (prediction, mut evidence)))| {
-                rivals.contest(place, &mut evidence, change.next.width);
-                let mut mask = object.decide(&prediction, &evidence, &change.next, options);
-                rivals.withdraw(place, &mut mask);
-                (mask, prediction, evidence)
-            })
-            .collect();
-        let next = &change.next;
-        self.objects.par_iter_mut().zip(decided).for_each(|(object, (mask, prediction, evidence))| {
-            object.settle(mask, &prediction, &evidence, &change, options);
+        let known = self.objects.par_iter_mut().map(|object| {
+            progress.check()?;
+            let prediction = object.predict(&change, options);
+            let evidence = evidence(object, &prediction, &change, options);
+            Ok((prediction, evidence))
         });
+        let known: Vec<(Prediction, Evidence)> = known.collect::<Result<_, Stopped>>()?;
+        let rivals = Rivals::new(&known, change.next.width * change.next.height, change.next.width);
+        let decided = self.objects.par_iter_mut().zip(known).enumerate().map(|(place, (object, known))| {
+            progress.check()?;
+            let (prediction, mut evidence) = known;
+            rivals.contest(place, &mut evidence, change.next.width);
+            let mut mask = object.decide(&prediction, &evidence, &change.next, options);
+            rivals.withdraw(place, &mut mask);
+            object.settle(mask, &prediction, &evidence, &change, options);
+            Ok(())
+        });
+        decided.collect::<Result<(), Stopped>>()?;
+        let next = &change.next;
         let mut mask = LabelMask::empty(next.width as u32, next.height as u32);
         for object in &self.objects {
             let region = object.mask();
@@ -150,7 +145,7 @@ impl<'a> Walk<'a> {
             }
         }
         let confidence = self.objects.iter().map(|object| (object.id, object.confidence())).collect();
-        WalkedFrame { mask, confidence }
+        Ok(WalkedFrame { mask, confidence })
     }
 }
 

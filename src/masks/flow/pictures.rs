@@ -1,0 +1,86 @@
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+use super::picture::Picture;
+use crate::engine::job::{Progress, Stopped};
+use crate::frames::FrameError;
+use crate::masks::{MaskError, TrackRequest};
+
+/// Frames that a walk backwards loads together, in rising order: a film is decoded forwards only.
+const BLOCK: usize = 16;
+
+/// The most unread frames that a warning names.
+const NAMED: usize = 5;
+
+/// The pictures of a request at one working size. Frames that cannot be read are noted and passed over.
+pub(super) struct Pictures<'a> {
+    request: &'a TrackRequest,
+    progress: &'a Progress,
+    unread: BTreeMap<usize, FrameError>,
+}
+
+impl<'a> Pictures<'a> {
+    /// The pictures of this request's frames.
+    pub fn new(request: &'a TrackRequest, progress: &'a Progress) -> Self {
+        Self { request, progress, unread: BTreeMap::new() }
+    }
+
+    /// A frame's picture; `None` where it cannot be read.
+    pub fn load(&mut self, frame: usize, size: (usize, usize)) -> Result<Option<Arc<Picture>>, Stopped> {
+        self.progress.check()?;
+        match self.request.store.image(&self.request.frames[frame]) {
+            Ok(image) => Ok(Some(Arc::new(Picture::new(&image, size)))),
+            Err(error) => {
+                self.unread.insert(frame, error);
+                Ok(None)
+            }
+        }
+    }
+
+    /// The first of the frames that could not be read, as an error.
+    pub fn failure(&mut self) -> Option<MaskError> {
+        self.unread.pop_first().map(|(_, error)| error.into())
+    }
+
+    /// One line that names the frames which could not be read.
+    pub fn warnings(&self) -> Vec<String> {
+        let Some(first) = self.unread.values().next() else { return Vec::new() };
+        let names: Vec<&str> = self.unread.keys().map(|&frame| self.request.frames[frame].name.as_str()).collect();
+        let more = names.len().checked_sub(NAMED).filter(|&more| more > 0);
+        let more = more.map_or_else(String::new, |more| format!(" and {more} more"));
+        let named = names[..names.len().min(NAMED)].join(", ");
+        vec![format!("{} frames cannot be read and were stepped over: {named}{more} ({first})", names.len())]
+    }
+}
+
+/// The pictures along a walk, in its order.
+pub(super) struct Route {
+    size: (usize, usize),
+    /// How many frames are loaded together.
+    block: usize,
+    coming: VecDeque<usize>,
+    loaded: VecDeque<(usize, Arc<Picture>)>,
+}
+
+impl Route {
+    /// From the frame next to `start` to `last`, which lies before or after it.
+    pub fn new(start: usize, last: usize, size: (usize, usize)) -> Self {
+        let forwards = last > start;
+        let coming = if forwards { (start + 1..=last).collect() } else { (last..start).rev().collect() };
+        Self { size, block: if forwards { 1 } else { BLOCK }, coming, loaded: VecDeque::new() }
+    }
+
+    /// The next frame that can be read, with its picture; `None` at the end.
+    pub fn next(&mut self, pictures: &mut Pictures<'_>) -> Result<Option<(usize, Arc<Picture>)>, Stopped> {
+        while self.loaded.is_empty() && !self.coming.is_empty() {
+            let mut block: Vec<usize> = self.coming.drain(..self.block.min(self.coming.len())).collect();
+            block.sort_unstable();
+            for frame in block {
+                let picture = pictures.load(frame, self.size)?;
+                self.loaded.extend(picture.map(|picture| (frame, picture)));
+            }
+        }
+        // A block of several lies in rising order and is walked from its end.
+        Ok(self.loaded.pop_back())
+    }
+}

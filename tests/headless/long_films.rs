@@ -1,0 +1,258 @@
+//! Long films tracked by flow: memory does not grow with their length, a stop is quick, and a kill loses nothing that
+//! was reported done.
+
+#![expect(clippy::disallowed_methods, reason = "these tests watch other processes and measure time")]
+
+use std::io::{BufRead, BufReader, Write};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command as Process, Stdio};
+use std::time::{Duration, Instant};
+
+use glam::DVec2;
+use ostra::frames::{FrameFolder, OpenRequest};
+use ostra::masks::LabelId;
+use ostra::session::{Command, Event, MaskOrigin, NewProject, PaintRequest, Session, TrackSettings};
+
+use crate::support::film::{Making, has_ffmpeg, make_film};
+
+const ROOT: &str = "OSTRA_TEST_TRACKED_ROOT";
+const DISK_RADIUS: f64 = 20.0;
+
+/// Where the disk is on picture k: it goes to and fro.
+fn centre((width, height): (u32, u32), k: u64) -> DVec2 {
+    let (width, height) = (f64::from(width), f64::from(height));
+    let phase = k as f64 / 40.0;
+    DVec2::new(width * (0.5 + 0.3 * phase.sin()), height * (0.5 + 0.1 * (1.7 * phase).cos()))
+}
+
+/// Noise that stays where it is, 0–63.
+fn grain(x: i64, y: i64) -> u8 {
+    let mixed = (x / 3).wrapping_mul(0x9E37_79B1).wrapping_add((y / 3).wrapping_mul(0x85EB_CA77));
+    ((mixed ^ (mixed >> 15)).wrapping_mul(0x2C1B_3C6D) >> 20) as u8 & 63
+}
+
+/// A red disk with a grain of its own before a grey wall.
+fn picture(size: (u32, u32), k: u64) -> Vec<u8> {
+    let centre = centre(size, k);
+    let pixel = |at: u32| {
+        let (x, y) = (f64::from(at % size.0) + 0.5, f64::from(at / size.0) + 0.5);
+        let from = DVec2::new(x, y) - centre;
+        if from.length() < DISK_RADIUS {
+            let own = grain(from.x.floor() as i64, from.y.floor() as i64);
+            [150 + own, 50 + own, 40 + own]
+        } else {
+            [80 + grain(x as i64, y as i64); 3]
+        }
+    };
+    (0..size.0 * size.1).flat_map(pixel).collect()
+}
+
+fn perform(session: &mut Session, command: Command) {
+    session.act(command).unwrap();
+    let events = session.settle(|_| ControlFlow::Continue(()));
+    assert!(!events.iter().any(|event| matches!(event, Event::Failed { .. })), "{events:?}");
+}
+
+/// A project on a new film, with the disk painted on `anchor`.
+fn project(folder: &Path, size: (u32, u32), count: u64, anchor: u64) -> PathBuf {
+    let film = folder.join("film.mp4");
+    let options = "-c:v libx264 -preset ultrafast -crf 20 -pix_fmt yuv420p";
+    make_film(&film, &Making { size, pixels: "rgb24", count, options }, |k| picture(size, k));
+    let root = folder.join("project");
+    let open = OpenRequest { sources: vec![FrameFolder::from(film)], ..OpenRequest::default() };
+    let mut session = Session::new();
+    perform(&mut session, Command::New(NewProject { root: root.clone(), open, cameras: None, intrinsics: None }));
+    assert_eq!(session.project().unwrap().frames.len() as u64, count);
+    perform(&mut session, Command::AddLabel { name: "disk".into(), parent: None, color: None });
+    let points_px = vec![centre(size, anchor)];
+    let (frame, label, radius_px) = (anchor as usize, LabelId(1), DISK_RADIUS);
+    let paint = PaintRequest { frame, label, points_px, radius_px, erase: false, replace: true };
+    perform(&mut session, Command::Paint(paint));
+    root
+}
+
+fn opened(root: &Path) -> Session {
+    let mut session = Session::new();
+    perform(&mut session, Command::Open(root.to_owned()));
+    session
+}
+
+fn track() -> Command {
+    Command::Track(TrackSettings { tracker: "flow".into(), ..TrackSettings::default() })
+}
+
+/// A line of `/proc/PID/status` in KiB; `None` once the process has ended.
+#[cfg(target_os = "linux")]
+fn memory_kib(process: u32, line: &str) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = status.lines().find_map(|text| text.strip_prefix(line))?;
+    line.trim_start_matches(':').trim().trim_end_matches(" kB").parse().ok()
+}
+
+/// Pictures are wide and low: more of them than the cache of 256 MiB holds by a third of the film, and little to
+/// track, so that 3,000 take no longer than a minute or so.
+#[test]
+#[cfg(target_os = "linux")]
+fn three_thousand_frames_need_no_more_memory_than_a_thousand() {
+    const SIZE: (u32, u32) = (1280, 72);
+    const COUNT: u64 = 3000;
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let root = project(folder.path(), SIZE, COUNT, 0);
+    let mut process = Process::new(env!("CARGO_BIN_EXE_ostra"));
+    process.arg("track").arg(&root).args(["--tracker", "flow"]).stderr(Stdio::null());
+    let mut child = process.spawn().unwrap();
+    let begun = Instant::now();
+    let (mut used, mut peak) = (Vec::new(), 0);
+    while child.try_wait().unwrap().is_none() {
+        used.extend(memory_kib(child.id(), "VmRSS"));
+        peak = memory_kib(child.id(), "VmHWM").unwrap_or(peak);
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    assert!(child.wait().unwrap().success());
+    let most = |part: &[u64]| part.iter().max().copied().unwrap_or_default() / 1024;
+    let third = used.len() / 3;
+    let (second, last) = (most(&used[third..2 * third]), most(&used[2 * third..]));
+    let took = begun.elapsed();
+    println!("{COUNT} frames: peak {} MiB; second third {second}, last third {last} MiB; {took:.0?}", peak / 1024);
+    assert!(peak / 1024 < 1500, "{peak} KiB");
+    assert!(last < second + 64, "it grows: {second} MiB in the second third, {last} MiB in the last");
+    let session = opened(&root);
+    let masks = &session.project().unwrap().masks;
+    assert_eq!(masks.len() as u64, COUNT);
+}
+
+#[test]
+fn a_stop_is_answered_within_a_fifth_of_a_second() {
+    const SIZE: (u32, u32) = (640, 360);
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    // From the middle, both ways: stops fall into walks forwards and backwards.
+    let root = project(folder.path(), SIZE, 40, 20);
+    let mut session = opened(&root);
+    let mut waits: Vec<Duration> = (0..9).map(|turn| stopped_after(&mut session, 150 * turn)).collect();
+    waits.sort();
+    println!("stops answered after {waits:?}");
+    assert!(waits[4] < Duration::from_millis(200), "{waits:?}");
+}
+
+/// How long a run takes to stop that was begun `ms` before.
+fn stopped_after(session: &mut Session, ms: u64) -> Duration {
+    session.act(track()).unwrap();
+    let begun = Instant::now();
+    while begun.elapsed() < Duration::from_millis(ms) {
+        session.poll();
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let asked = Instant::now();
+    session.act(Command::Stop).unwrap();
+    loop {
+        let events = session.poll();
+        if events.iter().any(|event| matches!(event, Event::Stopped { .. })) {
+            return asked.elapsed();
+        }
+        assert!(!events.iter().any(|event| matches!(event, Event::Finished { .. })), "done before it was stopped");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// The program is stopped as a terminal stops it.
+#[test]
+#[cfg(unix)]
+fn an_interrupt_ends_the_program_with_130_and_keeps_what_is_done() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let root = project(folder.path(), (320, 180), 400, 0);
+    let mut process = Process::new(env!("CARGO_BIN_EXE_ostra"));
+    process.arg("track").arg(&root).args(["--tracker", "flow"]).stderr(Stdio::piped());
+    let mut child = process.spawn().unwrap();
+    std::thread::sleep(Duration::from_secs(2));
+    let asked = Instant::now();
+    assert!(Process::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let code = child.wait().unwrap().code();
+    println!("ended {:?} after the interrupt", asked.elapsed());
+    assert_eq!(code, Some(130));
+    let session = opened(&root);
+    let masks = &session.project().unwrap().masks;
+    let tracked: Vec<usize> = masks.keys().copied().filter(|&frame| frame > 0).collect();
+    assert!(!tracked.is_empty() && tracked.len() < 399, "{}", tracked.len());
+    assert_eq!(tracked, (1..=tracked.len()).collect::<Vec<_>>(), "without a hole");
+}
+
+/// The child: tracks and says which frames are safe. Nothing to do unless the parent asks.
+#[test]
+fn child() {
+    let Some(root) = std::env::var_os(ROOT) else { return };
+    let mut session = opened(Path::new(&root));
+    session.act(track()).unwrap();
+    let mut out = std::io::stdout();
+    loop {
+        let events = session.poll();
+        let masks = &session.project().unwrap().masks;
+        let done = masks.iter().filter(|(_, mask)| mask.origin == MaskOrigin::Tracked).map(|(frame, _)| frame);
+        let done: Vec<String> = done.map(ToString::to_string).collect();
+        writeln!(out, "safe {}", done.join(" ")).unwrap();
+        if events.iter().any(|event| matches!(event, Event::Finished { .. })) {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// Lets a child track until so many frames are safe, kills it, and gives those that it last said are.
+fn killed_at(root: &Path, enough: usize) -> Vec<usize> {
+    let exe = std::env::current_exe().unwrap();
+    let args = ["long_films::child", "--exact", "--nocapture", "--test-threads", "1"];
+    let mut process = Process::new(exe);
+    let mut child: Child =
+        process.args(args).env(ROOT, root).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let mut safe = Vec::new();
+    for line in BufReader::new(child.stdout.take().unwrap()).lines() {
+        let line = line.unwrap();
+        let Some((_, frames)) = line.split_once("safe ") else { continue };
+        safe = frames.split_whitespace().map(|frame| frame.parse().unwrap()).collect();
+        if safe.len() >= enough {
+            break;
+        }
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    safe
+}
+
+#[test]
+fn a_kill_while_tracking_keeps_every_frame_that_was_done() {
+    const COUNT: usize = 120;
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let root = project(folder.path(), (320, 180), COUNT as u64, 60);
+    let anchored = || opened(&root).project().unwrap().masks.len();
+    assert_eq!(anchored(), 1);
+    let killed = [10, 30, 75].map(|enough| {
+        let safe = killed_at(&root, enough);
+        assert!((enough..COUNT - 1).contains(&safe.len()), "{} of {enough}", safe.len());
+        let mut session = opened(&root);
+        let masks = session.project().unwrap().masks.clone();
+        assert!(safe.iter().all(|frame| masks.contains_key(frame)), "frames that were done are lost: {safe:?}");
+        session.act(Command::Undo).unwrap();
+        assert_eq!(session.project().unwrap().masks.len(), 1, "the run is one step");
+        session.save().unwrap();
+        masks
+    });
+    let mut session = opened(&root);
+    perform(&mut session, track());
+    let whole = &session.project().unwrap().masks;
+    assert_eq!(whole.len(), COUNT);
+    for masks in killed {
+        assert!(masks.iter().all(|(frame, mask)| mask.runs == whole[frame].runs), "the same as of a whole run");
+    }
+}

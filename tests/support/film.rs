@@ -1,0 +1,56 @@
+//! Films made for a test with the system's ffmpeg.
+
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Whether ffmpeg is there; where it is not, that is a failure when `CI` is set.
+pub fn has_ffmpeg() -> bool {
+    let found = Command::new("ffmpeg").arg("-version").output().is_ok();
+    assert!(found || std::env::var_os("CI").is_none(), "ffmpeg is missing");
+    if !found {
+        eprintln!("skipped: ffmpeg is missing");
+    }
+    found
+}
+
+/// What a film is made of.
+pub struct Making<'a> {
+    /// Columns and rows.
+    pub size: (u32, u32),
+    /// ffmpeg's name of the pictures' pixels: `gray` or `rgb24`.
+    pub pixels: &'a str,
+    /// Number of pictures.
+    pub count: u64,
+    /// What ffmpeg is told about the film.
+    pub options: &'a str,
+}
+
+/// Writes a film of 25 pictures a second; `picture` gives the pixels of each, row by row.
+pub fn make_film(path: &Path, making: &Making<'_>, picture: impl Fn(u64) -> Vec<u8>) {
+    let mut command = Command::new("ffmpeg");
+    let size = format!("{}x{}", making.size.0, making.size.1);
+    command.args([
+        "-v",
+        "error",
+        "-y",
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        making.pixels,
+        "-s",
+        &size,
+        "-r",
+        "25",
+        "-i",
+        "-",
+    ]);
+    command.args(making.options.split_whitespace()).arg(path).stdin(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut input = child.stdin.take().unwrap();
+    for k in 0..making.count {
+        input.write_all(&picture(k)).unwrap();
+    }
+    drop(input);
+    assert!(child.wait().unwrap().success());
+}
