@@ -1,6 +1,7 @@
 //! What the pointer does on the picture.
 
 use egui::{Key, Modifiers, PointerButton};
+use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use ostra::app::Tool;
 use ostra::masks::LabelId;
@@ -157,7 +158,8 @@ fn thin_structure_is_traced_through_the_clicked_points_when_enter_is_pressed() {
 
 #[test]
 fn one_point_of_a_thin_structure_waits_for_the_next() {
-    let mut harness = Desk::sample().shown();
+    // Steps of 20 ms: two clicks are fast enough for a double click.
+    let mut harness = Desk::sample().shown_by(Harness::builder().with_step_dt(0.02));
     harness.get_by_label("Thin").click();
     harness.run_steps(2);
     let at = on_screen(&harness, 10.0, 10.0);

@@ -91,7 +91,17 @@ fn three_points_give_a_blade_or_culm_of_the_made_plant() {
     let median = scores[scores.len() / 2];
     println!("{} blades and culms by three points: IoU mean {mean:.3}, median {median:.3}", scores.len());
     assert!(scores.len() >= 20, "{}", scores.len());
-    assert!(mean >= 0.70 && median >= 0.80, "mean {mean:.3}, median {median:.3}");
+    assert!(mean >= 0.75 && median >= 0.84, "mean {mean:.3}, median {median:.3}");
+}
+
+/// The middle of the first, the middle and the last row of a region.
+fn upright(region: &Region) -> Option<[DVec2; 3]> {
+    let rows: Vec<u32> = (0..region.height).filter(|&y| (0..region.width).any(|x| region.at(x, y))).collect();
+    let middle = |y: u32| {
+        let inside: Vec<f64> = (0..region.width).filter(|&x| region.at(x, y)).map(f64::from).collect();
+        DVec2::new(inside.iter().sum::<f64>() / inside.len() as f64, f64::from(y)) + 0.5
+    };
+    Some([middle(*rows.first()?), middle(rows[rows.len() / 2]), middle(*rows.last()?)])
 }
 
 #[test]
@@ -99,12 +109,14 @@ fn a_long_culm_in_a_large_picture_is_traced_while_one_waits() {
     let options = SceneOptions { width: 1280, height: 720, ..SceneOptions::default() };
     let scene = Scene::build(&options).unwrap();
     let view = scene.render(&scene.views()[12]);
-    let longest = parts(&scene, &view.mask).into_iter().filter_map(|(name, truth)| Some((name, along(&truth, 3)?)));
-    for (name, points) in longest {
-        let began = Instant::now();
-        let found = trace(&view.image, &points).unwrap();
-        let length: f64 = points.windows(2).map(|ends| ends[0].distance(ends[1])).sum();
-        println!("{name}: {length:.0} px long, {} px, {:.0} ms", found.area(), began.elapsed().as_secs_f64() * 1e3);
-        assert!(!found.is_empty());
-    }
+    let culms = parts(&scene, &view.mask).into_iter().filter(|(name, _)| name.starts_with("stem"));
+    let longest =
+        culms.filter_map(|(_, truth)| upright(&truth)).max_by(|a, b| (a[2].y - a[0].y).total_cmp(&(b[2].y - b[0].y)));
+    let points = longest.unwrap();
+    let began = Instant::now();
+    let found = trace(&view.image, &points).unwrap();
+    let (length, ms) = (points[0].distance(points[2]), began.elapsed().as_secs_f64() * 1e3);
+    println!("a culm of {length:.0} px in 1280 × 720: {} px in {ms:.0} ms", found.area());
+    assert!(length > 380.0 && found.area() > 1000, "{length:.0} px long, {} px", found.area());
+    assert!(ms < 1000.0, "{ms:.0} ms");
 }

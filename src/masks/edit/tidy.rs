@@ -5,7 +5,7 @@ use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, Region};
 /// `islands_below_px` pixels (0 = none); returns how many pixels changed. A hole is closed in by the label; its pixels
 /// that belong to other labels stay, but for those of the label's own ancestors. The label's parts count as the label
 /// where pieces are looked for, and keep their pixels. Diagonals join an island to the rest; the largest piece is no
-/// island.
+/// island; holes are filled first.
 ///
 /// # Errors
 /// [`MaskError::Label`] when the mask does not show the label.
@@ -56,8 +56,11 @@ mod tests {
             let before = mask.region_with_parts(label, &tree);
             let mut tidied = mask.clone();
             let changed = tidy(&mut tidied, label, holes, islands, &tree).unwrap();
-            let (mut filled, mut largest) = (before.clone(), before.clone());
+            let mut filled = before.clone();
             filled.fill_holes(holes.max(1) - 1);
+            let mut without_holes = mask.clone();
+            tidy(&mut without_holes, label, holes, 0, &tree).unwrap();
+            let mut largest = without_holes.region_with_parts(label, &tree);
             largest.keep_largest();
             let mut counted = 0;
             for (at, (&old, &new)) in mask.ids.iter().zip(&tidied.ids).enumerate() {

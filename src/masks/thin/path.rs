@@ -11,8 +11,15 @@ use crate::frames::Image;
 /// quarter of their distance.
 const ROOM_PX: (f64, f64) = (24.0, 200.0);
 
-/// A click is moved to the best line at most this far away, in pixels.
-const SNAP_PX: isize = 3;
+/// A click is moved to a line at most this far away, in pixels.
+const SNAP_PX: isize = 6;
+
+/// How much a line counts less per squared pixel of its distance from the click: for the line that was clicked, and for
+/// one that may have been meant.
+const FAR_COSTS: [f32; 2] = [0.1, 0.02];
+
+/// Share of the strongest contrast nearby from which on the line that was clicked is meant.
+const OWN_SHARE: f32 = 0.4;
 
 /// The price of length, that every pixel costs.
 const LENGTH_COST: f32 = 0.06;
@@ -90,17 +97,25 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The pixel of the strongest line near a position; nearer ones are preferred.
+    /// The pixel of a line that a position means: of the line that it lies on, or, where that is weak beside a line
+    /// nearby, of that.
     fn snapped(&mut self, at_px: DVec2) -> usize {
-        let x = (at_px.x as usize).clamp(self.crop.origin[0], self.crop.origin[0] + self.crop.width - 1);
-        let y = (at_px.y as usize).clamp(self.crop.origin[1], self.crop.origin[1] + self.crop.height - 1);
-        let (x, y) = ((x - self.crop.origin[0]) as isize, (y - self.crop.origin[1]) as isize);
+        let pixel = |at: f64, origin: usize, count: usize| (at as usize).clamp(origin, origin + count - 1) - origin;
+        let x = pixel(at_px.x, self.crop.origin[0], self.crop.width) as isize;
+        let y = pixel(at_px.y, self.crop.origin[1], self.crop.height) as isize;
+        let [own, strongest] = FAR_COSTS.map(|far_cost| self.strongest_near(x, y, far_cost));
+        let stays = self.ridge(own).contrast >= OWN_SHARE * self.ridge(strongest).contrast;
+        if stays { own } else { strongest }
+    }
+
+    /// The pixel of the strongest line near a pixel, when lines farther away count less.
+    fn strongest_near(&mut self, x: isize, y: isize, far_cost: f32) -> usize {
         let near = (-SNAP_PX..=SNAP_PX).flat_map(|dy| (-SNAP_PX..=SNAP_PX).map(move |dx| (dx, dy)));
-        let inside = near.filter_map(|(dx, dy)| Some((self.place(x + dx, y + dy)?, dx * dx + dy * dy)));
-        let inside: Vec<(usize, isize)> = inside.collect();
-        let worth = |(at, off): &(usize, isize), ridge: Ridge| (ridge.contrast / (1.0 + 0.1 * *off as f32), *at);
-        let found = inside.iter().map(|near| worth(near, self.ridge(near.0)));
-        found.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |(_, at)| at)
+        let inside: Vec<(usize, f32)> = near
+            .filter_map(|(dx, dy)| Some((self.place(x + dx, y + dy)?, 1.0 + far_cost * (dx * dx + dy * dy) as f32)))
+            .collect();
+        let worth = inside.iter().map(|&(at, far)| (self.ridge(at).contrast / far, at));
+        worth.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |(_, at)| at)
     }
 
     fn place(&self, x: isize, y: isize) -> Option<usize> {

@@ -9,7 +9,7 @@ const HALF_WIDTHS_PX: [f32; 6] = [0.6, 1.0, 1.7, 2.9, 5.0, 8.5];
 const DIRECTIONS: usize = 4;
 
 /// How much of its contrast a line keeps whose sides differ from it in opposite ways: it may be a ramp of shading.
-const STAIR_SHARE: f32 = 0.5;
+const STAIR_SHARE: f32 = 0.3;
 
 /// How a pixel lies in a thin structure.
 #[derive(Debug, Clone, Copy, Default)]
