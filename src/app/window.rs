@@ -123,6 +123,7 @@ impl Window {
         for command in asked {
             self.act(command);
         }
+        self.session.prepare(self.shell.view.frame, &self.shell.view.segmenter);
         self.session.hover(self.shell.view.hover_wish.clone());
         if let Some(path) = self.shell.view.recipe_to.take() {
             self.save_recipe(&path);

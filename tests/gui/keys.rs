@@ -43,7 +43,7 @@ fn shift_h_fills_holes_and_shift_k_removes_islands_of_the_size_in_the_tool_bar()
     harness.get_by_label("Size of holes and islands");
     harness.state_mut().asked.clear();
     press(&mut harness, Modifiers::NONE, Key::End);
-    press(&mut harness, Modifiers::NONE, Key::H);
+    press(&mut harness, Modifiers::SHIFT, Key::H);
     assert!(harness.state().asked.is_empty(), "a frame without a mask has nothing to tidy");
 }
 

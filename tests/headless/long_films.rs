@@ -67,7 +67,7 @@ fn project(folder: &Path, size: (u32, u32), count: u64, anchor: u64) -> PathBuf 
     perform(&mut session, Command::AddLabel { name: "disk".into(), parent: None, color: None });
     let points_px = vec![centre(size, anchor)];
     let (frame, label, radius_px) = (anchor as usize, LabelId(1), DISK_RADIUS);
-    let paint = PaintRequest { frame, label, points_px, radius_px, erase: false, replace: true };
+    let paint = PaintRequest { frame, label, points_px, radius_px, erase: false, replace: true, snap: false };
     perform(&mut session, Command::Paint(paint));
     root
 }
