@@ -6,8 +6,8 @@ use super::eval_args::{Align, EvalArgs, EvalVerb, InteractArgs};
 use super::print::say;
 use crate::geometry::Alignment;
 use crate::session::evaluate::{
-    CameraScore, CloudEvaluation, InteractReport, InteractRequest, MaskScore, ScoreOptions, cloud_table,
-    evaluate_cloud, evaluate_interaction, evaluate_masks, score_cameras,
+    CameraScore, CloudEvaluation, InteractOptions, InteractReport, InteractRequest, MaskScore, ScoreOptions,
+    cloud_table, evaluate_cloud, evaluate_interaction, evaluate_masks, score_cameras,
 };
 
 pub(super) fn eval(verb: EvalVerb) -> Result<()> {
@@ -63,9 +63,10 @@ fn cameras(args: &EvalArgs) -> Result<()> {
 }
 
 fn interact(args: InteractArgs) -> Result<()> {
-    let InteractArgs { frames, truth, tracker, segmenter, json } = args;
+    let InteractArgs { frames, truth, tracker, segmenter, jitter, seed, json } = args;
+    let options = InteractOptions { jitter_px: jitter, seed, ..InteractOptions::default() };
     let (mut lines, mut stopped) = (ProgressLines::default(), false);
-    let request = InteractRequest { frames, truth, tracker, segmenter };
+    let request = InteractRequest { frames, truth, tracker, segmenter, options };
     let outcome = evaluate_interaction(&request, &mut |jobs| {
         let flow = lines.glance(jobs);
         stopped |= flow.is_break();
@@ -135,8 +136,12 @@ fn interact_table(report: &InteractReport) -> String {
         "at the end mean IoU {:.4} after {} clicks, {} frames corrected, {:.1} s\n",
         report.mean_iou, report.clicks, report.corrected, report.seconds
     );
+    let share = |share: Option<f64>| share.map_or_else(|| "—".to_owned(), |share| format!("{:.0} %", 100.0 * share));
     let alone = &report.frame_by_frame;
     text += &format!("every frame from nothing: {} clicks, {} frames failed\n", alone.clicks, alone.failed);
-    let saved = report.saved().map_or_else(|| "—".to_owned(), |share| format!("{:.0} %", 100.0 * share));
-    text + &format!("clicks saved to mean IoU 0.90: {saved}\n")
+    text += &format!("clicks saved to mean IoU 0.90: {}\n", share(report.saved()));
+    let failed = &report.failed_by_frame;
+    text +=
+        &format!("{} frames that the first tracking failed, from nothing: {} clicks\n", failed.frames, failed.clicks);
+    text + &format!("clicks to mean IoU 0.90 are {} of these\n", share(report.share_of_reclicking()))
 }

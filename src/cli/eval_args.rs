@@ -68,6 +68,12 @@ pub(super) struct InteractArgs {
     /// auto, sam or builtin.
     #[arg(long, default_value = "auto", value_name = "NAME")]
     pub segmenter: String,
+    /// How far clicks fall from where they are meant: standard deviation along each axis.
+    #[arg(long, default_value = "0", value_name = "PX", value_parser = values::from_zero)]
+    pub jitter: f64,
+    /// Another seed makes clicks fall elsewhere.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
     /// Print one JSON object.
     #[arg(long)]
     pub json: bool,

@@ -47,6 +47,14 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A finite number from 0.
+pub(super) fn from_zero(text: &str) -> Result<f64, String> {
+    match f64::from_str(text) {
+        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
+        _ => Err("a number from 0 is needed".into()),
+    }
+}
+
 /// A share from 0 to 1.
 pub(super) fn share(text: &str) -> Result<f32, String> {
     match f32::from_str(text) {
@@ -86,6 +94,7 @@ mod tests {
         assert!(color("#fff").is_err() && color("red").is_err());
         assert_eq!(size("480x640").unwrap(), (480, 640));
         assert!(size("480").is_err() && size("0x9").is_err());
+        assert!(from_zero("0").is_ok() && from_zero("-1").is_err() && from_zero("inf").is_err());
         assert!(
             intrinsics("0,1,2,3").is_err()
                 && share("1.2").is_err()

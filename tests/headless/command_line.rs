@@ -312,6 +312,10 @@ fn a_robot_user_counts_the_clicks_that_tracking_saves() {
     let clicks = report["reached"][1]["clicks"].as_u64().unwrap();
     assert!((1..4).contains(&clicks) && report["frame_by_frame"]["clicks"].as_u64().unwrap() >= 4, "{report}");
     assert!(done(&play).contains(&format!("clicks to mean IoU 0.90 {clicks:>8}")));
+    assert!(
+        done(&[&play[..], &["--jitter", "1.5", "--seed", "7"]].concat()).contains("that the first tracking failed")
+    );
+    assert_eq!(ostra(&[&play[..], &["--jitter", "far"]].concat()).status.code(), Some(2));
     assert_eq!(contents(Path::new(&project)), before, "the project is only read");
     let color = recording.path("color");
     let refusal = refused(&["eval", "interact", "--frames", &color, "--truth", &truth, "--tracker", "geometry"]);

@@ -79,9 +79,11 @@ mod tests {
                 let area = pieces.areas[piece as usize - 1];
                 prop_assert!(area >= islands || area == most, "a piece of {} pixels of {:?}", area, id);
             }
-            let again = tidied.clone();
-            tidy(&mut tidied, label, holes, islands, &tree).unwrap();
-            prop_assert_eq!(tidied, again);
+            if tidied.ids.contains(&label) {
+                let again = tidied.clone();
+                tidy(&mut tidied, label, holes, islands, &tree).unwrap();
+                prop_assert_eq!(tidied, again);
+            }
         }
     }
 

@@ -3,6 +3,8 @@
 //! May use: the seams of masks, and how a session answers prompts and tracks. Must not touch: the open project, the disk
 //! but to read frames and truth.
 
+mod choose;
+mod hand;
 mod options;
 mod play;
 mod report;

@@ -5,19 +5,31 @@ use super::Sequence;
 pub struct InteractOptions {
     /// IoU of a label on a frame at which it is left as it is; 0–1.
     pub good_iou: f64,
-    /// Clicks for a label in one visit of a frame; ≥ 1.
+    /// Most clicks for a label in one visit of a frame; ≥ 1.
     pub visit_clicks: usize,
+    /// Clicks in a row that hardly better a label (its IoU by less than 0.01) after which it is let be; ≥ 1.
+    pub patience: usize,
     /// Mean IoU over the sequence at which the work is done; 0–1.
     pub enough_iou: f64,
-    /// Most clicks for a label on a frame that is segmented from nothing, without tracking; ≥ 1.
-    pub lone_clicks: usize,
+    /// How far clicks fall from where they are meant, in pixels: standard deviation along each axis; ≥ 0.
+    pub jitter_px: f64,
+    /// Another seed makes clicks fall elsewhere.
+    pub seed: u64,
     /// Bounds of the clicks over the whole sequence, which are two for each frame and label of the truth.
     pub clicks: (usize, usize),
 }
 
 impl Default for InteractOptions {
     fn default() -> Self {
-        Self { good_iou: 0.9, visit_clicks: 5, enough_iou: 0.95, lone_clicks: 20, clicks: (20, 200) }
+        Self {
+            good_iou: 0.9,
+            visit_clicks: 20,
+            patience: 3,
+            enough_iou: 0.95,
+            jitter_px: 0.0,
+            seed: 1,
+            clicks: (20, 200),
+        }
     }
 }
 

@@ -1,21 +1,22 @@
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
 
+use super::choose::{Worth, most_worth};
 use super::user::RobotUser;
 use super::{FrameByFrame, Goal, InteractOptions, InteractReport, Sequence};
 use crate::engine::job::Progress;
-use crate::masks::{Segmenter, Tracker};
+use crate::masks::{LabelId, Segmenter, Tracker};
 use crate::session::prepared::PreparedFrames;
 
 /// Bytes of frames made ready for clicks.
 const PREPARED_BYTES: usize = 256 << 20;
 
-/// Plays a robot user who labels the first frame that shows anything, tracks, and then corrects the worst label on the
-/// worst frame, which is carried anew up to the neighbouring anchors, until the sequence is good enough or the clicks
-/// are used up. A label that a visit left below [`InteractOptions::good_iou`], or did not better, is left alone on that
-/// frame. Clicking every frame from nothing is counted beside it.
+/// Plays a robot user who labels the first frame that shows anything, tracks, and then corrects where most is amiss,
+/// which is carried anew up to the neighbouring anchors, until the sequence is good enough or the clicks are used up. A
+/// label that a visit left below [`InteractOptions::good_iou`], or did not better, is left alone on that frame. Clicking
+/// every frame from nothing is counted beside it.
 ///
 /// # Errors
 /// When the truth shows no label, a frame cannot be read, segmenter or tracker fails, or on a stop.
@@ -29,52 +30,97 @@ pub fn interact(
     let begun = Instant::now();
     let prepared = PreparedFrames::new(PREPARED_BYTES);
     let most_clicks = options.most_clicks(sequence);
-    let mut user = RobotUser::new(sequence, segmenter, &prepared, progress, most_clicks);
-    let mut goals = InteractReport::GOALS.map(|mean_iou| Goal { mean_iou, clicks: None });
     let first = sequence.truth.keys().copied().find(|&frame| !sequence.shown_on(frame).is_empty());
     let first = first.context("the true masks show no label; give masks that do")?;
+    let user = RobotUser::new(sequence, segmenter, &prepared, progress, options, 0, most_clicks);
+    let mut game = Game::new(user, tracker, options);
     progress.stage("click")?;
-    user.visit(first, &sequence.shown_on(first), options.good_iou, options.visit_clicks)?;
-    user.track(tracker)?;
-    let mut mean_iou = user.mean_iou()?;
-    note(&mut goals, mean_iou, user.clicks());
-    let (mut corrected, mut left_alone) = (BTreeSet::new(), BTreeSet::new());
-    while mean_iou < options.enough_iou && !user.is_spent() {
+    let failed = game.begin(first, &sequence.shown_on(first))?;
+    while game.mean_iou < options.enough_iou && !game.user.is_spent() {
         progress.stage("click")?;
-        progress.step(user.clicks(), most_clicks)?;
-        let Some((frame, label, iou)) = user.worst(&left_alone)? else { break };
-        let (good_iou, most) = if iou < options.good_iou { (options.good_iou, options.visit_clicks) } else { (1.0, 1) };
-        let is_better = user.visit(frame, &[label], good_iou, most)?;
-        if is_better {
-            corrected.insert(frame);
-            user.retrack(tracker, frame, label)?;
-        }
-        if !is_better || user.ious(frame)?.get(&label).is_some_and(|&iou| iou < options.good_iou) {
-            left_alone.insert((frame, label));
-        }
-        mean_iou = user.mean_iou()?;
-        note(&mut goals, mean_iou, user.clicks());
+        progress.step(game.user.clicks(), most_clicks)?;
+        let Some(worth) = game.next()? else { break };
+        game.correct(worth)?;
     }
-    corrected.remove(&first);
+    game.corrected.remove(&first);
     let seconds = begun.elapsed().as_secs_f64();
+    let alone = frame_by_frame(sequence, segmenter, options, &prepared, progress)?;
     Ok(InteractReport {
         segmenter: segmenter.name().to_owned(),
         tracker: tracker.name().to_owned(),
         frames: sequence.truth.len(),
         labels: sequence.shown().len(),
-        reached: goals.to_vec(),
-        mean_iou,
-        clicks: user.clicks(),
-        corrected: corrected.len(),
+        reached: game.goals.to_vec(),
+        mean_iou: game.mean_iou,
+        clicks: game.user.clicks(),
+        corrected: game.corrected.len(),
         seconds,
-        frame_by_frame: frame_by_frame(sequence, segmenter, options, &prepared, progress)?,
+        frame_by_frame: alone.values().copied().sum(),
+        failed_by_frame: failed.iter().filter_map(|frame| alone.get(frame)).copied().sum(),
     })
 }
 
-/// Notes the goals that are reached now for the first time.
-fn note(goals: &mut [Goal], mean_iou: f64, clicks: usize) {
-    for goal in goals.iter_mut().filter(|goal| mean_iou >= goal.mean_iou) {
-        goal.clicks.get_or_insert(clicks);
+/// The work of one robot user with a tracker.
+struct Game<'a> {
+    user: RobotUser<'a>,
+    tracker: &'a dyn Tracker,
+    options: &'a InteractOptions,
+    goals: [Goal; 3],
+    mean_iou: f64,
+    corrected: BTreeSet<usize>,
+    /// Labels on frames for which clicking on does not pay.
+    left_alone: BTreeSet<(usize, LabelId)>,
+}
+
+impl<'a> Game<'a> {
+    fn new(user: RobotUser<'a>, tracker: &'a dyn Tracker, options: &'a InteractOptions) -> Self {
+        let goals = InteractReport::GOALS.map(|mean_iou| Goal { mean_iou, clicks: None });
+        let (corrected, left_alone) = (BTreeSet::new(), BTreeSet::new());
+        Self { user, tracker, options, goals, mean_iou: 0.0, corrected, left_alone }
+    }
+
+    /// Labels a frame and tracks it; gives the frames on which that left a label below the IoU at which it is good.
+    fn begin(&mut self, frame: usize, labels: &[LabelId]) -> Result<BTreeSet<usize>> {
+        self.user.visit(frame, labels, self.options.good_iou, self.options.visit_clicks)?;
+        self.user.track(self.tracker)?;
+        self.note()?;
+        let ious = self.user.ious_by_label()?;
+        let poor = ious.values().flatten().filter(|&(_, &iou)| iou < self.options.good_iou);
+        Ok(poor.map(|(&frame, _)| frame).collect())
+    }
+
+    /// Where a correction is worth most.
+    fn next(&self) -> Result<Option<Worth>> {
+        Ok(most_worth(&self.user.ious_by_label()?, &self.user.anchors(), &self.left_alone))
+    }
+
+    /// Corrects a label on a frame, with it the other labels that are poor there, and carries them anew.
+    fn correct(&mut self, worth: Worth) -> Result<()> {
+        let Worth { frame, label, iou } = worth;
+        let good_iou = self.options.good_iou;
+        let (good, most) = if iou < good_iou { (good_iou, self.options.visit_clicks) } else { (1.0, 1) };
+        let is_poor = |id: LabelId, iou: f64| iou < good_iou && !self.left_alone.contains(&(frame, id));
+        let ious = self.user.ious(frame)?.into_iter();
+        let labels: Vec<LabelId> =
+            ious.filter(|&(id, iou)| id == label || is_poor(id, iou)).map(|(id, _)| id).collect();
+        let is_better = self.user.visit(frame, &labels, good, most)?;
+        if is_better {
+            self.corrected.insert(frame);
+            self.user.retrack(self.tracker, frame, &labels)?;
+        }
+        let ious = self.user.ious(frame)?;
+        let given_up = |id: &LabelId| !is_better || ious.get(id).is_some_and(|&iou| iou < good_iou);
+        self.left_alone.extend(labels.into_iter().filter(given_up).map(|id| (frame, id)));
+        self.note()
+    }
+
+    /// Notes the mean IoU, and the goals that are reached now for the first time.
+    fn note(&mut self) -> Result<()> {
+        self.mean_iou = self.user.mean_iou()?;
+        for goal in self.goals.iter_mut().filter(|goal| self.mean_iou >= goal.mean_iou) {
+            goal.clicks.get_or_insert(self.user.clicks());
+        }
+        Ok(())
     }
 }
 
@@ -85,15 +131,16 @@ fn frame_by_frame(
     options: &InteractOptions,
     prepared: &PreparedFrames,
     progress: &Progress,
-) -> Result<FrameByFrame> {
-    let mut all = FrameByFrame::default();
+) -> Result<BTreeMap<usize, FrameByFrame>> {
+    let mut all = BTreeMap::new();
     for (done, &frame) in sequence.truth.keys().enumerate() {
         progress.stage("click frame by frame")?;
         progress.step(done, sequence.truth.len())?;
-        let mut user = RobotUser::new(sequence, segmenter, prepared, progress, usize::MAX);
-        user.visit(frame, &sequence.shown_on(frame), options.good_iou, options.lone_clicks)?;
-        all.clicks += user.clicks();
-        all.failed += usize::from(user.ious(frame)?.values().any(|&iou| iou < options.good_iou));
+        let turn = 1 + frame as u64;
+        let mut user = RobotUser::new(sequence, segmenter, prepared, progress, options, turn, usize::MAX);
+        user.visit(frame, &sequence.shown_on(frame), options.good_iou, options.visit_clicks)?;
+        let failed = user.ious(frame)?.values().any(|&iou| iou < options.good_iou);
+        all.insert(frame, FrameByFrame { frames: 1, clicks: user.clicks(), failed: usize::from(failed) });
     }
     Ok(all)
 }

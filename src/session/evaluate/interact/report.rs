@@ -1,3 +1,5 @@
+use std::iter::Sum;
+
 use serde::Serialize;
 
 /// What a robot user needed for a sequence.
@@ -23,6 +25,9 @@ pub struct InteractReport {
     pub seconds: f64,
     /// The same work without a tracker.
     pub frame_by_frame: FrameByFrame,
+    /// The part of it on the frames on which the first tracking, from one frame, left a label below the IoU at which it
+    /// is good: what re-clicking them costs.
+    pub failed_by_frame: FrameByFrame,
 }
 
 /// A mean IoU over the sequence (over the frames on which a label is in truth or result, then over labels), and what
@@ -35,13 +40,25 @@ pub struct Goal {
     pub clicks: Option<usize>,
 }
 
-/// Every frame clicked from nothing by the segmenter alone, until all its labels are good or the clicks are used up.
+/// Frames clicked from nothing by the segmenter alone, until all its labels are good or the clicks are used up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct FrameByFrame {
-    /// Clicks on all frames.
+    /// Number of frames.
+    pub frames: usize,
+    /// Clicks on all of them.
     pub clicks: usize,
     /// Frames on which a label did not become good.
     pub failed: usize,
+}
+
+impl Sum for FrameByFrame {
+    fn sum<I: Iterator<Item = Self>>(all: I) -> Self {
+        all.fold(Self::default(), |a, b| Self {
+            frames: a.frames + b.frames,
+            clicks: a.clicks + b.clicks,
+            failed: a.failed + b.failed,
+        })
+    }
 }
 
 impl InteractReport {
@@ -51,7 +68,18 @@ impl InteractReport {
     /// Share of the clicks frame by frame that tracking saves on the way to a mean IoU of 0.90, where that was reached.
     #[must_use]
     pub fn saved(&self) -> Option<f64> {
+        Some(1.0 - self.clicks_to_goal()? / self.frame_by_frame.clicks.max(1) as f64)
+    }
+
+    /// Clicks to a mean IoU of 0.90 as a share of what re-clicking the failed frames costs, where both are known.
+    #[must_use]
+    pub fn share_of_reclicking(&self) -> Option<f64> {
+        let clicks = self.failed_by_frame.clicks;
+        (clicks > 0).then(|| self.clicks_to_goal()).flatten().map(|goal| goal / clicks as f64)
+    }
+
+    fn clicks_to_goal(&self) -> Option<f64> {
         let goal = self.reached.iter().find(|goal| goal.mean_iou == Self::GOALS[1])?;
-        Some(1.0 - goal.clicks? as f64 / self.frame_by_frame.clicks.max(1) as f64)
+        goal.clicks.map(|clicks| clicks as f64)
     }
 }

@@ -10,7 +10,7 @@ use crate::session::jobs::{Kind, Landing};
 use crate::session::{Event, Session, TrackSettings, engines};
 
 /// What a robot user is given.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct InteractRequest {
     /// A folder of frames, a film, or a project.
     pub frames: PathBuf,
@@ -20,6 +20,8 @@ pub struct InteractRequest {
     pub tracker: String,
     /// Name of the segmenter.
     pub segmenter: String,
+    /// How it works.
+    pub options: InteractOptions,
 }
 
 /// Plays a robot user as [`interact`] does, as a job of a session of its own; `watch` may stop it. Gives warnings about what the
@@ -49,6 +51,6 @@ fn play(request: &InteractRequest, progress: &Progress) -> Result<(InteractRepor
     let (sequence, warnings) = Sequence::open(&request.frames, &request.truth, progress)?;
     let settings = TrackSettings { tracker: request.tracker.clone(), ..TrackSettings::default() };
     let tracker = engines::tracker(&settings, &sequence.project())?;
-    let report = interact(&sequence, segmenter.as_ref(), tracker.as_ref(), &InteractOptions::default(), progress)?;
+    let report = interact(&sequence, segmenter.as_ref(), tracker.as_ref(), &request.options, progress)?;
     Ok((report, warnings))
 }

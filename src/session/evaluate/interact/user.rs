@@ -3,12 +3,35 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::Sequence;
+use super::choose::IousByLabel;
+use super::hand::Hand;
+use super::{InteractOptions, Sequence};
 use crate::engine::job::Progress;
-use crate::masks::{Click, LabelClick, LabelId, RunMask, Segmenter, Tracker, next_label_click};
+use crate::masks::{Click, LabelId, RunMask, Segmenter, Tracker, next_label_click};
 use crate::session::commands::{LabelChoice, anchor, answer, carried, mask_of, track_request, with_answer};
 use crate::session::prepared::PreparedFrames;
-use crate::session::{Edit, Project, PromptRequest, TrackSettings};
+use crate::session::{Edit, MaskOrigin, Project, PromptRequest, TrackSettings};
+
+/// An IoU that grows by less was hardly bettered.
+const LEAST_GAIN: f64 = 0.01;
+
+/// What a label was given in a visit.
+#[derive(Default)]
+struct Given {
+    clicks: usize,
+    /// Clicks since it was last bettered.
+    in_vain: usize,
+    best_iou: f64,
+}
+
+impl Given {
+    /// Notes a click and the IoU after it.
+    fn note(&mut self, iou: f64) {
+        self.clicks += 1;
+        self.in_vain = if iou >= self.best_iou + LEAST_GAIN { 0 } else { self.in_vain + 1 };
+        self.best_iou = self.best_iou.max(iou);
+    }
+}
 
 /// A user who reads the truth only to see where to click: at the deepest point of the largest error. The project that
 /// is clicked on lives in memory; clicks are answered, and masks tracked, as in a session.
@@ -17,21 +40,27 @@ pub struct RobotUser<'a> {
     segmenter: &'a dyn Segmenter,
     prepared: &'a PreparedFrames,
     progress: &'a Progress,
+    options: &'a InteractOptions,
+    hand: Hand,
     project: Project,
     clicks: usize,
     most_clicks: usize,
 }
 
 impl<'a> RobotUser<'a> {
-    /// A user before a sequence without masks, who gives `most_clicks` at most.
+    /// A user before a sequence without masks, who gives `most_clicks` at most; where clicks fall differs from `turn`
+    /// to `turn`.
     pub fn new(
         sequence: &'a Sequence,
         segmenter: &'a dyn Segmenter,
         prepared: &'a PreparedFrames,
         progress: &'a Progress,
+        options: &'a InteractOptions,
+        turn: u64,
         most_clicks: usize,
     ) -> Self {
-        Self { sequence, segmenter, prepared, progress, project: sequence.project(), clicks: 0, most_clicks }
+        let (hand, project) = (Hand::new(options, turn), sequence.project());
+        Self { sequence, segmenter, prepared, progress, options, hand, project, clicks: 0, most_clicks }
     }
 
     /// Clicks given so far; those taken back count.
@@ -45,25 +74,30 @@ impl<'a> RobotUser<'a> {
     }
 
     /// Clicks on a frame, once for each of `labels` that it does not show yet, then always into the largest error of
-    /// those whose IoU is below `good_iou`, at most `most` times for each. The best that was reached on the way stands,
-    /// the clicks after it are taken back (and count). Says whether the frame is better than before.
+    /// those whose IoU is below `good_iou`, at most `most` times for each, and not on where several clicks in a row hardly
+    /// bettered it. The best that was reached on the way stands, the clicks after it are taken back (and count). Says
+    /// whether the frame is better than before.
     pub fn visit(&mut self, frame: usize, labels: &[LabelId], good_iou: f64, most: usize) -> Result<bool> {
         let truth = self.sequence.truth_of(frame)?.decode();
         let was = self.frame_iou(frame)?;
         let mut best = (was, self.project.clone());
-        let mut given: BTreeMap<LabelId, usize> = BTreeMap::new();
+        let mut given: BTreeMap<LabelId, Given> = BTreeMap::new();
         while !self.is_spent() {
             let ious = self.ious(frame)?;
             let is_poor = |id: &LabelId| ious.get(id).is_some_and(|&iou| iou < good_iou);
-            let is_open = |id: &LabelId| is_poor(id) && given.get(id).is_none_or(|&clicks| clicks < most);
+            let pays = |given: &Given| given.clicks < most && given.in_vain < self.options.patience;
+            let is_open = |id: &LabelId| is_poor(id) && given.get(id).is_none_or(pays);
             let open: Vec<LabelId> = labels.iter().copied().filter(is_open).collect();
             let mask = mask_of(&self.project, frame)?;
             let is_new = |id: &LabelId| !given.contains_key(id) && !mask.ids.contains(id);
             let new: Vec<LabelId> = open.iter().copied().filter(is_new).collect();
             let next = next_label_click(&truth, &mask, if new.is_empty() { &open } else { &new });
-            let Some(LabelClick { label, click, .. }) = next else { break };
-            self.click(frame, label, click)?;
-            *given.entry(label).or_default() += 1;
+            let Some(next) = next else { break };
+            let click = self.hand.place(&next, &truth, &mask);
+            self.click(frame, next.label, click)?;
+            let now = self.ious(frame)?.get(&next.label).copied().unwrap_or(0.0);
+            let before = Given { best_iou: ious.get(&next.label).copied().unwrap_or(0.0), ..Given::default() };
+            given.entry(next.label).or_insert(before).note(now);
             let iou = self.frame_iou(frame)?;
             if iou > best.0 {
                 best = (iou, self.project.clone());
@@ -78,13 +112,30 @@ impl<'a> RobotUser<'a> {
         self.track_with(tracker, &TrackSettings::default())
     }
 
-    /// Carries one label anew between the anchors next to a corrected frame, where there is a frame between them.
-    pub fn retrack(&mut self, tracker: &dyn Tracker, frame: usize, label: LabelId) -> Result<()> {
-        let settings = TrackSettings { labels: vec![label], ..TrackSettings::default() };
-        match settings.around(&self.project, frame) {
-            Ok(settings) => self.track_with(tracker, &settings),
-            Err(_) => Ok(()),
+    /// Carries labels anew between the anchors next to a corrected frame, where there is a frame between them: over other
+    /// labels where these hold most of what is missed there.
+    pub fn retrack(&mut self, tracker: &dyn Tracker, frame: usize, labels: &[LabelId]) -> Result<()> {
+        let settings = TrackSettings { labels: labels.to_vec(), ..TrackSettings::default() };
+        let Ok(settings) = settings.around(&self.project, frame) else { return Ok(()) };
+        let replace = self.is_overrun(&settings);
+        self.track_with(tracker, &TrackSettings { replace, ..settings })
+    }
+
+    /// Whether most pixels that the labels miss on the frames of a range are held by others.
+    fn is_overrun(&self, settings: &TrackSettings) -> bool {
+        let labels = &settings.labels;
+        let range = settings.from.unwrap_or(0)..=settings.to.unwrap_or(usize::MAX);
+        let (mut missed, mut held) = (0, 0);
+        for (frame, truth) in self.sequence.truth.range(range) {
+            let tracked = self.project.masks.get(frame).filter(|mask| mask.origin != MaskOrigin::Anchor);
+            for (truth, is, pixels) in tracked.into_iter().flat_map(|mask| truth.joint_runs(&mask.runs)) {
+                if truth != is && labels.contains(&truth) {
+                    missed += pixels;
+                    held += if is == LabelId::NONE || labels.contains(&is) { 0 } else { pixels };
+                }
+            }
         }
+        2 * held > missed
     }
 
     fn track_with(&mut self, tracker: &dyn Tracker, settings: &TrackSettings) -> Result<()> {
@@ -125,29 +176,26 @@ impl<'a> RobotUser<'a> {
         Ok(truth.ious(&result))
     }
 
-    /// Mean over labels of the mean over the frames on which truth or result shows the label.
-    pub fn mean_iou(&self) -> Result<f64> {
-        let mut of_label: BTreeMap<LabelId, Vec<f64>> = BTreeMap::new();
+    /// IoU of each label on each frame on which truth or result shows it.
+    pub fn ious_by_label(&self) -> Result<IousByLabel> {
+        let mut all = IousByLabel::new();
         for &frame in self.sequence.truth.keys() {
             for (label, iou) in self.ious(frame)? {
-                of_label.entry(label).or_default().push(iou);
+                all.entry(label).or_default().insert(frame, iou);
             }
         }
-        Ok(mean(of_label.into_values().map(mean)))
+        Ok(all)
     }
 
-    /// The frame and label with the lowest IoU below 1, and that IoU; those in `left_alone` are passed over.
-    pub fn worst(&self, left_alone: &BTreeSet<(usize, LabelId)>) -> Result<Option<(usize, LabelId, f64)>> {
-        let mut worst: Option<(usize, LabelId, f64)> = None;
-        for &frame in self.sequence.truth.keys() {
-            for (label, iou) in self.ious(frame)? {
-                let is_worse = iou < worst.map_or(1.0, |(_, _, least)| least);
-                if is_worse && !left_alone.contains(&(frame, label)) {
-                    worst = Some((frame, label, iou));
-                }
-            }
-        }
-        Ok(worst)
+    /// Mean over labels of the mean over the frames on which truth or result shows the label.
+    pub fn mean_iou(&self) -> Result<f64> {
+        Ok(mean(self.ious_by_label()?.into_values().map(|of| mean(of.into_values()))))
+    }
+
+    /// The frames that are anchors.
+    pub fn anchors(&self) -> BTreeSet<usize> {
+        let anchors = self.project.masks.iter().filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
+        anchors.map(|(&frame, _)| frame).collect()
     }
 
     /// Mean IoU over the labels that truth or result shows on a frame.
