@@ -298,7 +298,7 @@ const LIST: &[Row] = {
         A::RangeTo, RANGE, false, "Range ends here", "Changes of the chosen label go over frames up to this one", shift(Key::I);
         A::DropRange, RANGE, false, "Drop range", "Changes go over the shown frame alone again", ctrl(Key::I);
         A::DeleteRange, RANGE, true, "Delete label over range", "It is not there: its pixels go, and no tracker brings them back", ctrl(Key::Delete);
-        A::RestoreRange, RANGE, false, "Let label be over range again", "Trackers may find it there again", ctrl_shift(Key::Delete);
+        A::RestoreRange, RANGE, false, "Restore label over range", "Trackers may find it there again", ctrl_shift(Key::Delete);
         A::AppearsHere, RANGE, false, "Label appears here", "It was not there before this frame (back to the last anchor that shows it)", plain(Key::Comma);
         A::GoneFromHere, RANGE, false, "Label is gone from here", "It is not there from this frame on (up to the next anchor that shows it)", plain(Key::Period);
         A::LockRange, RANGE, true, "Lock or unlock label over range", "Its pixels stay as they are, whoever tracks, clicks or paints", plain(Key::K);

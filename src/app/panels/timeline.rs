@@ -18,7 +18,7 @@ const LEAST_WIDTH: f32 = 4.0;
 /// Actions on the chosen label over the range, with the words on their buttons.
 const BUTTONS: [(Action, &str); 10] = [
     (Action::DeleteRange, "Delete"),
-    (Action::RestoreRange, "Let be"),
+    (Action::RestoreRange, "Restore"),
     (Action::AppearsHere, "Appears here"),
     (Action::GoneFromHere, "Gone from here"),
     (Action::LockRange, "Lock"),

@@ -198,7 +198,7 @@ impl Tracker for Thief {
                 id => id,
             });
             mask.ids = ids.collect();
-            emit(TrackedFrame { frame, mask, confidence: BTreeMap::new() });
+            emit(TrackedFrame { frame, mask, confidence: BTreeMap::new(), preliminary: false });
         }
         Ok(Vec::new())
     }
