@@ -63,8 +63,11 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
 
 fn dialog_of(action: Action, look: &Look<'_>, view: &ViewState) -> Option<Dialog> {
     Some(match action {
-        Action::MergeRange => Dialog::Into(IntoWish::Merge),
-        Action::SplitRange => Dialog::Into(IntoWish::Split(split_at(look, view)?)),
+        Action::MergeRange => Dialog::Into(IntoWish { label: view.label?, range: view.frames_meant(), piece: None }),
+        Action::SplitRange => {
+            let piece = Some((view.frame, split_at(look, view)?));
+            Dialog::Into(IntoWish { label: view.label?, range: view.frames_meant(), piece })
+        }
         Action::NewProject => Dialog::NewProject,
         Action::AddFrames => Dialog::AddFrames,
         Action::Export => Dialog::Export,

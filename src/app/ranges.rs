@@ -27,8 +27,8 @@ pub(super) fn range_request(action: Action, look: &Look<'_>, view: &ViewState) -
     let (change, (from, to)) = match action {
         Action::DeleteRange => (RangeChange::Delete, meant),
         Action::RestoreRange => (RangeChange::Restore, meant),
-        Action::AppearsHere => (RangeChange::Delete, before_appearing(project, label, view.frame)?),
-        Action::GoneFromHere => (RangeChange::Delete, after_going(project, label, view.frame)?),
+        Action::AppearsHere => (RangeChange::Delete, before_appearing(project, view, label)?),
+        Action::GoneFromHere => (RangeChange::Delete, after_going(project, view, label)?),
         Action::LockRange => (if all(&marks.locked) { RangeChange::Unlock } else { RangeChange::Lock }, meant),
         Action::HideRange => (if all(&marks.hidden) { RangeChange::Show } else { RangeChange::Hide }, meant),
         Action::InterpolateRange => (RangeChange::Interpolate, between_anchors(project, view)?),
@@ -93,22 +93,24 @@ pub(super) fn lost_on<'a>(
     before.iter().copied().filter(is_lost)
 }
 
-fn shows(mask: &FrameMask, label: LabelId) -> bool {
-    mask.origin == MaskOrigin::Anchor && mask.runs.runs.iter().any(|&(id, _)| id == label)
+fn shows(view: &ViewState, frame: usize, mask: &FrameMask, label: LabelId) -> bool {
+    mask.origin == MaskOrigin::Anchor && view.presence.on_frame(frame).contains(&label)
 }
 
-/// From the frame after the last anchor that shows the label to the one before `frame`.
-fn before_appearing(project: &Project, label: LabelId, frame: usize) -> Option<(usize, usize)> {
-    let anchor = project.masks.range(..frame).rev().find(|(_, mask)| shows(mask, label)).map(|(&anchor, _)| anchor);
+/// From the frame after the last anchor that shows the label to the one before the shown frame.
+fn before_appearing(project: &Project, view: &ViewState, label: LabelId) -> Option<(usize, usize)> {
+    let mut before = project.masks.range(..view.frame).rev();
+    let anchor = before.find(|&(&frame, mask)| shows(view, frame, mask, label)).map(|(&anchor, _)| anchor);
     let first = anchor.map_or(0, |anchor| anchor + 1);
-    (first < frame).then(|| (first, frame - 1))
+    (first < view.frame).then(|| (first, view.frame - 1))
 }
 
-/// From `frame` to the one before the next anchor that shows the label.
-fn after_going(project: &Project, label: LabelId, frame: usize) -> Option<(usize, usize)> {
-    let anchor = project.masks.range(frame + 1..).find(|(_, mask)| shows(mask, label)).map(|(&anchor, _)| anchor);
+/// From the shown frame to the one before the next anchor that shows the label.
+fn after_going(project: &Project, view: &ViewState, label: LabelId) -> Option<(usize, usize)> {
+    let mut after = project.masks.range(view.frame + 1..);
+    let anchor = after.find(|&(&frame, mask)| shows(view, frame, mask, label)).map(|(&anchor, _)| anchor);
     let last = anchor.unwrap_or(project.frames.len()).checked_sub(1)?;
-    (frame <= last).then_some((frame, last))
+    (view.frame <= last).then_some((view.frame, last))
 }
 
 /// The range; without one, from the anchor at or before the shown frame to the next after it.

@@ -116,13 +116,15 @@ pub enum Dialog {
     Path(PathWish),
 }
 
-/// What another label is asked for.
+/// What another label is asked for: a label is merged into it over a range, or a piece of the label becomes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum IntoWish {
-    /// The chosen label is merged into it.
-    Merge,
-    /// The piece around this pixel of the shown frame becomes it.
-    Split(glam::DVec2),
+pub struct IntoWish {
+    /// The label that gives its pixels.
+    pub label: LabelId,
+    /// First and last frame.
+    pub range: (usize, usize),
+    /// Where the piece is pointed at; `None` = all of the label.
+    pub piece: Option<(usize, glam::DVec2)>,
 }
 
 /// What a path is asked for.
@@ -220,6 +222,12 @@ impl ViewState {
         let labels = vec![self.label?];
         let settings = TrackSettings { labels, direction: Direction::Both, ..self.track.clone() };
         settings.around(look.project, self.frame).ok()
+    }
+
+    /// Whether nothing is half made and no dialog is open, so that another frame may be shown unasked.
+    #[must_use]
+    pub fn is_free(&self) -> bool {
+        self.dialog.is_none() && !self.draft.is_half_made()
     }
 
     /// The frames that a change of the chosen label goes over: the range, else the shown frame.

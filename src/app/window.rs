@@ -38,6 +38,7 @@ pub struct Window {
     title: String,
     /// Worked out anew when the project changes.
     estimate: Option<Estimate>,
+    estimate_due: bool,
 }
 
 const PREFS: &str = "prefs";
@@ -67,6 +68,7 @@ impl Window {
             recent,
             title: String::new(),
             estimate: None,
+            estimate_due: false,
         }
     }
 
@@ -99,6 +101,11 @@ impl Window {
     pub fn show(&mut self, ui: &mut egui::Ui) {
         let jobs = self.session.jobs();
         let project = self.session.project().unwrap_or(&self.nothing);
+        if std::mem::take(&mut self.estimate_due) {
+            let presence = &mut self.shell.view.presence;
+            presence.update(project);
+            self.estimate = project.estimate(|frame| presence.on_frame(frame).len());
+        }
         let view = &self.shell.view;
         let before = if view.compare { self.session.mask_before(view.frame) } else { None };
         let look = Look {
@@ -151,7 +158,7 @@ impl Window {
     fn take(&mut self, event: Event) {
         match event {
             Event::Opened(path) => {
-                self.estimate = self.session.project().and_then(|project| project.estimate());
+                self.estimate_due = true;
                 self.shell.project_changed();
                 self.recent.opened(&path);
             }
@@ -161,14 +168,17 @@ impl Window {
             Event::Notice(text) => self.shell.view.note = text,
             Event::Finished { title, .. } => self.shell.view.note = format!("{title}: done"),
             Event::Stopped { title, .. } => {
+                self.shell.view.draft.forget_sent();
                 self.shell.view.note = format!("{title}: stopped; what was finished is kept");
             }
             Event::Paused { frame, label, text, .. } => {
-                self.shell.view.go_to(frame);
-                self.shell.view.label = Some(label);
+                if self.shell.view.is_free() {
+                    self.shell.view.go_to(frame);
+                    self.shell.view.label = Some(label);
+                }
                 self.shell.view.notices.tell(Severity::Warning, text);
             }
-            Event::Changed => self.estimate = self.session.project().and_then(|project| project.estimate()),
+            Event::Changed => self.estimate_due = true,
             Event::Started { .. } | Event::CloudChanged => {}
         }
     }

@@ -81,7 +81,8 @@ fn report(events: Vec<Event>) -> Result<()> {
     for event in events {
         match event {
             Event::Warning(text) => eprintln!("warning: {text}"),
-            Event::Notice(text) | Event::Paused { text, .. } => say(&format!("{text}\n")),
+            Event::Paused { text, .. } if outcome.is_ok() => outcome = Err(anyhow!(text)),
+            Event::Notice(text) => say(&format!("{text}\n")),
             Event::Failed { error, .. } if outcome.is_ok() => outcome = Err(anyhow!(error)),
             Event::Stopped { .. } if outcome.is_ok() => outcome = Err(Interrupted.into()),
             _ => {}

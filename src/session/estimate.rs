@@ -1,7 +1,4 @@
-use std::collections::BTreeSet;
-
 use super::{MaskOrigin, Project};
-use crate::masks::LabelId;
 
 /// How good the masks probably are.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,16 +10,14 @@ pub struct Estimate {
 }
 
 impl Project {
-    /// Estimates how good the masks are; `None` while no mask shows a label.
-    #[must_use]
-    pub fn estimate(&self) -> Option<Estimate> {
+    /// Estimates how good the masks are; `None` while no mask shows a label. `labels_on` says how many labels a frame
+    /// shows.
+    pub fn estimate(&self, labels_on: impl Fn(usize) -> usize) -> Option<Estimate> {
         let (mut sum, mut count) = (0.0, 0usize);
-        for mask in self.masks.values() {
+        for (&frame, mask) in &self.masks {
             match mask.origin {
                 MaskOrigin::Anchor => {
-                    let mut ids: BTreeSet<LabelId> = mask.runs.runs.iter().map(|&(id, _)| id).collect();
-                    ids.remove(&LabelId::NONE);
-                    let shown = ids.len();
+                    let shown = labels_on(frame);
                     (sum, count) = (sum + shown as f64, count + shown);
                 }
                 MaskOrigin::Tracked => {
@@ -43,11 +38,11 @@ mod tests {
     #[test]
     fn anchors_are_sure_and_empty_masks_say_nothing() {
         let mut project = project();
-        assert_eq!(project.estimate(), None);
+        assert_eq!(project.estimate(|_| 1), None);
         for (frame, mask) in [anchor([1, 2, 0]), tracked([1, 0, 0]), anchor([0; 3])].into_iter().enumerate() {
             project.apply(Edit::SetMask { frame, mask: Some(mask) }).unwrap();
         }
-        let estimate = project.estimate().unwrap();
+        let estimate = project.estimate(|frame| [2, 1, 0][frame]).unwrap();
         assert!((estimate.accuracy - 0.9).abs() < 1e-6, "{estimate:?}");
         assert_eq!(estimate.frames, 3);
     }

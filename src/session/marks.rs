@@ -1,9 +1,9 @@
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{FrameMask, Project};
+use super::{Edit, FrameMask, Project};
 use crate::frames::FrameSet;
 use crate::masks::{LabelId, RunMask, hold};
 
@@ -95,6 +95,20 @@ impl Project {
         let before = self.masks.get(&frame).into_iter().flat_map(|mask| &mask.confidence);
         confidence.extend(before.filter(|(id, _)| locked.contains(id)).map(|(&id, &sure)| (id, sure)));
         FrameMask { runs, confidence, ..answer }
+    }
+
+    /// The edits that let labels be again where `edits` give frames masks that show them.
+    #[must_use]
+    pub fn there_again(&self, edits: &[Edit]) -> Vec<Edit> {
+        let mut changed: BTreeMap<LabelId, Marks> = BTreeMap::new();
+        for edit in edits {
+            let Edit::SetMask { frame, mask: Some(mask) } = edit else { continue };
+            let shown = |label: &LabelId| mask.runs.runs.iter().any(|(id, _)| id == label);
+            for label in self.absent_on(*frame).into_iter().filter(shown) {
+                changed.entry(label).or_insert_with(|| self.marks_of(label)).absent.remove(*frame, *frame);
+            }
+        }
+        changed.into_iter().map(|(label, marks)| Edit::SetMarks { label, marks }).collect()
     }
 
     fn marked(&self, is: impl Fn(&Marks) -> bool) -> BTreeSet<LabelId> {

@@ -293,7 +293,7 @@ impl Session {
         let event = match result {
             Ok(()) => {
                 self.record(job.command);
-                Event::Finished { job: id, title }
+                paused.unwrap_or(Event::Finished { job: id, title })
             }
             Err(_) if stopped && !failed => paused.unwrap_or(Event::Stopped { job: id, title }),
             Err(error) => Event::Failed { job: id, title, error: format!("{error:#}") },

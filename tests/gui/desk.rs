@@ -84,7 +84,7 @@ impl Desk {
             before: self.before.as_ref(),
             suggestions: &self.suggestions,
             interactions: 3,
-            estimate: self.project.estimate(),
+            estimate: self.project.estimate(|_| 1),
         };
         self.asked.extend(self.shell.ui(ui, &look));
     }

@@ -71,9 +71,15 @@ pub struct Draft {
 }
 
 impl Draft {
+    /// Whether a box, stroke or line of points is being drawn.
+    #[must_use]
+    pub fn is_half_made(&self) -> bool {
+        self.box_from.is_some() || self.stroke.is_some() || !self.corners.is_empty()
+    }
+
     /// Drops what is half made; `false` when there was nothing.
     pub fn drop_half_made(&mut self) -> bool {
-        let had = self.box_from.is_some() || self.stroke.is_some() || !self.corners.is_empty();
+        let had = self.is_half_made();
         self.box_from = None;
         self.stroke = None;
         self.corners.clear();

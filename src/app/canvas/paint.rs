@@ -3,8 +3,10 @@ use glam::DVec2;
 
 use super::draft::{Stroke, Tool};
 use super::map::CanvasMap;
+use crate::app::panels::is_explained;
 use crate::app::{Look, ViewState};
 use crate::masks::{LabelId, Prompt};
+use crate::session::Suggestion;
 
 const UV: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
 
@@ -25,6 +27,11 @@ pub(super) fn prompts_and_draft(
         let prompt = view.draft.prompt(look.project, view.frame, label.id);
         prompt_marks(painter, map, &prompt, color_of(look, label.id), view.label == Some(label.id));
     }
+    for (number, found) in (1..).zip(look.suggestions).filter(|(_, found)| found.frame == view.frame) {
+        if !is_explained(look, found) {
+            suggestion_box(painter, map, number, found);
+        }
+    }
     let color = view.label.map_or(Color32::WHITE, |label| color_of(look, label));
     for stroke in view.draft.strokes(view.frame) {
         brush_stroke(painter, map, stroke, color_of(look, stroke.label), view.prefs.opacity);
@@ -33,6 +40,14 @@ pub(super) fn prompts_and_draft(
         outlined_rect(painter, Rect::from_two_pos(map.to_screen(from), to), color);
     }
     corners(painter, map, &view.draft.corners, pointer, color);
+}
+
+/// A box around a thing that no label explains, with its number in the list.
+fn suggestion_box(painter: &Painter, map: &CanvasMap, number: usize, found: &Suggestion) {
+    let rect = Rect::from_two_pos(map.to_screen(found.around_px.min_px), map.to_screen(found.around_px.max_px));
+    outlined_rect(painter, rect, Color32::WHITE);
+    let font = egui::FontId::proportional(13.0);
+    painter.text(rect.left_top() + Vec2::splat(4.0), egui::Align2::LEFT_TOP, number.to_string(), font, Color32::WHITE);
 }
 
 /// A line of text over the upper edge of the pane.

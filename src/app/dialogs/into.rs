@@ -9,14 +9,14 @@ use crate::session::{Command, RangeChange, RangeRequest};
 
 /// Asks for the label that gets the pixels of a merge or split; keys 1–9 choose as in the label list.
 pub(in crate::app) fn into_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wish: IntoWish, out: &mut Vec<Command>) {
-    let Some(label) = view.label.and_then(|id| look.project.labels.get(id)) else {
+    let Some(label) = look.project.labels.get(wish.label) else {
         view.dialog = None;
         return;
     };
-    let (from, to) = view.frames_meant();
-    let (verb, get) = match wish {
-        IntoWish::Merge => ("Merge", "all of it"),
-        IntoWish::Split(_) => ("Split", "the piece under the pointer"),
+    let (from, to) = wish.range;
+    let (verb, get) = match wish.piece {
+        None => ("Merge", "all of it"),
+        Some(_) => ("Split", "the piece under the pointer"),
     };
     let frames = if from == to { format!("frame {from}") } else { format!("frames {from} to {to}") };
     let mut chosen = None;
@@ -29,9 +29,9 @@ pub(in crate::app) fn into_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wi
         ui.button("Cancel").on_hover_text("Changes nothing (Esc)").clicked()
     });
     if let Some(into) = chosen {
-        let change = match wish {
-            IntoWish::Merge => RangeChange::Merge { into },
-            IntoWish::Split(at_px) => RangeChange::Split { frame: view.frame, at_px, into },
+        let change = match wish.piece {
+            None => RangeChange::Merge { into },
+            Some((frame, at_px)) => RangeChange::Split { frame, at_px, into },
         };
         out.push(Command::Range(RangeRequest { labels: vec![label.id], from, to, change, replace: false }));
     }

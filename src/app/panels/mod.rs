@@ -31,7 +31,7 @@ pub(super) use results::results_ui;
 pub(super) use scene_pane::ScenePane;
 pub(super) use segmenter::segmenter_ui;
 pub(super) use status::status_ui;
-pub(super) use suggestions::suggestions_ui;
+pub(super) use suggestions::{is_explained, suggestions_ui};
 pub(super) use timeline::timeline_ui;
 pub(super) use track::track_ui;
 pub(super) use welcome::welcome_ui;

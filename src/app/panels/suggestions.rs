@@ -1,9 +1,11 @@
 use egui::Ui;
 
 use super::labels::add_label;
+use crate::app::canvas::id_at;
 use crate::app::tips::action_button;
 use crate::app::{Action, Look, ViewState};
-use crate::session::Command;
+use crate::masks::LabelId;
+use crate::session::{Command, Suggestion};
 
 /// Things that no label explains: look at them, or make labels of them.
 pub(in crate::app) fn suggestions_ui(
@@ -23,13 +25,13 @@ pub(in crate::app) fn suggestions_ui(
             ui.spinner();
         }
     });
-    for (number, suggestion) in (1..).zip(look.suggestions) {
+    for (number, suggestion) in (1..).zip(look.suggestions).filter(|(_, one)| !is_explained(look, one)) {
         ui.horizontal(|ui| {
-            let text = suggestion.text();
-            let show = ui.link(&text).on_hover_text("Goes to the frame and shows it in the middle");
+            let show = ui
+                .link(format!("{number}  {}", suggestion.text()))
+                .on_hover_text("Goes to the frame, where a box with this number is around it");
             if show.accessible_name(format!("Suggestion {number}")).clicked() {
                 view.go_to(suggestion.frame);
-                view.zoom.centre_px = suggestion.at_px;
             }
             let add = ui.small_button("Add").on_hover_text("Makes a label of it on that frame; track it from there");
             if add.accessible_name(format!("Add suggestion {number}")).clicked() {
@@ -40,4 +42,10 @@ pub(in crate::app) fn suggestions_ui(
             }
         });
     }
+}
+
+/// Whether a label was given there meanwhile.
+pub(in crate::app) fn is_explained(look: &Look<'_>, suggestion: &Suggestion) -> bool {
+    let mask = look.project.masks.get(&suggestion.frame);
+    mask.is_some_and(|mask| id_at(&mask.runs, suggestion.at_px) != LabelId::NONE)
 }

@@ -89,6 +89,9 @@ fn row_ui(
     frames: Range<usize>,
 ) {
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click_and_drag());
+    if !ui.is_rect_visible(rect) {
+        return;
+    }
     let chosen = view.label == Some(label.id);
     response.widget_info(|| WidgetInfo::selected(Role::Row, true, chosen, format!("Timeline of {}", label.name)));
     let (names, cells) = rect.split_left_right_at_x(rect.left() + NAMES);
@@ -156,6 +159,9 @@ fn input(ui: &Ui, response: &Response, view: &mut ViewState, label: LabelId, col
     let frame = pointed.and_then(|at| columns.frame_at(at));
     if response.clicked() || response.secondary_clicked() || response.drag_started() {
         view.label = Some(label);
+    }
+    if response.drag_stopped() {
+        view.range_from = None;
     }
     let Some(frame) = frame else { return };
     if response.clicked() {

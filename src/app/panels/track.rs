@@ -22,6 +22,7 @@ pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
     let tip = "Holds the masks against the anchors' masks carried through geometry (needs depth and cameras)";
     ui.checkbox(&mut view.track.constrain, "Constrain by geometry").on_hover_text(tip);
     pause_ui(ui, &mut view.track.pause_below);
+    check_ui(ui, &mut view.prefs.doubt_below);
     let anchors = look.project.masks.values().filter(|mask| mask.origin == MaskOrigin::Anchor).count();
     ui.horizontal(|ui| {
         run_button_ui(ui, look, view, (Action::Track, "Track"), anchors > 0, wishes);
@@ -57,6 +58,19 @@ fn pause_ui(ui: &mut Ui, pause_below: &mut Option<f32>) {
     });
 }
 
+/// From which confidence on a frame is one to check.
+fn check_ui(ui: &mut Ui, doubt_below: &mut f32) {
+    ui.horizontal(|ui| {
+        let tip = "Frames with a label that is less sure than this are those to which the key for the next frame to check leads";
+        ui.label("Check below").on_hover_text(tip);
+        let mut percent = *doubt_below * 100.0;
+        let drag = DragValue::new(&mut percent).range(0.0..=100.0).speed(0.3).max_decimals(0).suffix(" % sure");
+        if ui.add(drag).on_hover_text(tip).accessible_name("Check below confidence").changed() {
+            *doubt_below = percent / 100.0;
+        }
+    });
+}
+
 /// One label carried anew after a correction.
 fn retrack_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     let action = Action::Retrack;
@@ -64,7 +78,7 @@ fn retrack_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut V
     if action_button(ui, &view.prefs.shortcuts, action, &action.text(), possible).clicked() {
         wishes.push(action);
     }
-    let tip = "A label that is re-tracked takes pixels from other labels too";
+    let tip = "A label that is re-tracked, interpolated or pasted takes pixels from other labels too";
     ui.checkbox(&mut view.track.replace, "Replace other labels").on_hover_text(tip);
 }
 

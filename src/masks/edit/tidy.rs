@@ -5,7 +5,7 @@ use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, Region};
 /// `islands_below_px` pixels (0 = none); returns how many pixels changed. A hole is closed in by the label; its pixels
 /// that belong to other labels stay, but for those of the label's own ancestors. The label's parts count as the label
 /// where pieces are looked for, and keep their pixels. Diagonals join an island to the rest; the largest piece is no
-/// island; holes are filled first.
+/// island; islands are removed first.
 ///
 /// # Errors
 /// [`MaskError::Label`] when the mask does not show the label.
@@ -19,13 +19,13 @@ pub fn tidy(
     if !mask.ids.contains(&label) {
         return Err(MaskError::Label("the label is not on this frame; choose another frame or label".into()));
     }
+    let islands = islands(&mask.region_with_parts(label, tree), islands_below_px);
+    let removed = erase(mask, &islands, Some(label))?;
     let mut after = mask.region_with_parts(label, tree);
     if let Some(most) = holes_below_px.checked_sub(1) {
         after.fill_holes(most);
     }
-    let filled = assign(mask, &after, label, PaintRule::Protect, tree)?;
-    let islands = islands(&mask.region_with_parts(label, tree), islands_below_px);
-    Ok(filled + erase(mask, &islands, Some(label))?)
+    Ok(removed + assign(mask, &after, label, PaintRule::Protect, tree)?)
 }
 
 /// The pieces of a region below a size, without the largest piece.
@@ -56,11 +56,11 @@ mod tests {
             let before = mask.region_with_parts(label, &tree);
             let mut tidied = mask.clone();
             let changed = tidy(&mut tidied, label, holes, islands, &tree).unwrap();
-            let mut filled = before.clone();
+            let mut without_islands = mask.clone();
+            tidy(&mut without_islands, label, 0, islands, &tree).unwrap();
+            let mut filled = without_islands.region_with_parts(label, &tree);
             filled.fill_holes(holes.max(1) - 1);
-            let mut without_holes = mask.clone();
-            tidy(&mut without_holes, label, holes, 0, &tree).unwrap();
-            let mut largest = without_holes.region_with_parts(label, &tree);
+            let mut largest = before;
             largest.keep_largest();
             let mut counted = 0;
             for (at, (&old, &new)) in mask.ids.iter().zip(&tidied.ids).enumerate() {
@@ -71,7 +71,7 @@ mod tests {
                     prop_assert!(old == label && new == LabelId::NONE && !largest.inside[at]);
                 }
             }
-            prop_assert!(changed >= counted, "a pixel may be filled and go with its island");
+            prop_assert!(changed >= counted, "a pixel may go with its island and be filled again");
             let whole = tidied.region_with_parts(label, &tree);
             let pieces = components(&whole, Connectivity::Eight);
             let most = pieces.areas.iter().copied().max().unwrap_or(0);

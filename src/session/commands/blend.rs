@@ -42,7 +42,9 @@ fn blended_frame(
     let before = project.masks.get(&frame).unwrap_or(&nothing);
     let given =
         |label: &LabelId| before.origin == MaskOrigin::Anchor && before.runs.runs.iter().any(|(id, _)| id == label);
-    let chosen: BTreeSet<LabelId> = blends.keys().copied().filter(|label| !given(label)).collect();
+    let barred = &project.absent_on(frame) | &project.locked_on(frame);
+    let is_open = |label: &LabelId| !given(label) && !barred.contains(label);
+    let chosen: BTreeSet<LabelId> = blends.keys().copied().filter(is_open).collect();
     let mut shapes = LabelMask::empty(of.width, of.height);
     for label in &chosen {
         let inside = blends[label].at(share).inside;
@@ -51,7 +53,7 @@ fn blended_frame(
     let runs = transfer(&before.runs, &RunMask::encode(&shapes), &chosen, request.replace)?;
     let mut confidence = before.confidence.clone();
     confidence.retain(|label, _| !chosen.contains(label));
-    let mask = project.within_marks(frame, FrameMask { runs: Arc::new(runs), confidence, ..before.clone() });
+    let mask = FrameMask { runs: project.with_locks(frame, Arc::new(runs)), confidence, ..before.clone() };
     Ok((mask.runs != before.runs).then_some(Edit::SetMask { frame, mask: Some(mask) }))
 }
 

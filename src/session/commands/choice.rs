@@ -34,7 +34,10 @@ impl LabelChoice {
             return None;
         }
         let mask = match &self.labels {
-            Some(labels) => self.chosen_part(labels, before, &answer)?,
+            Some(labels) => {
+                let barred = &project.absent_on(frame) | &project.locked_on(frame);
+                self.chosen_part(&(labels - &barred), before, &answer)?
+            }
             None => answer,
         };
         let mask = project.within_marks(frame, mask);

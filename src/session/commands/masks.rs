@@ -29,7 +29,9 @@ impl Session {
             let runs = project.with_locks(frame, Arc::new(runs));
             Edit::SetMask { frame, mask: Some(anchor_of(runs)) }
         });
-        self.commit(&title, labels.chain(masks).collect())?;
+        let masks: Vec<Edit> = masks.collect();
+        let again = project.there_again(&masks);
+        self.commit(&title, labels.chain(masks).chain(again).collect())?;
         self.warn_all(warnings);
         Ok(())
     }

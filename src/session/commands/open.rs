@@ -42,6 +42,7 @@ impl Session {
         self.preparing = None;
         self.hover(None);
         self.suggestions.clear();
+        self.interactions = 0;
         let was_open = self.open.take().is_some() | self.inspected.take().is_some();
         if was_open {
             self.events.push(Event::Closed);

@@ -73,14 +73,8 @@ impl Session {
 /// and a label that the mask shows is there again.
 pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
     let runs = project.with_locks(frame, Arc::new(RunMask::encode(mask)));
-    let shown = |label: &LabelId| runs.runs.iter().any(|(id, _)| id == label);
-    let there = project.absent_on(frame).into_iter().filter(shown).map(|label| {
-        let mut marks = project.marks_of(label);
-        marks.absent.remove(frame, frame);
-        Edit::SetMarks { label, marks }
-    });
-    let mut edits: Vec<Edit> = there.collect();
-    edits.push(Edit::SetMask { frame, mask: Some(anchor_of(runs)) });
+    let mut edits = vec![Edit::SetMask { frame, mask: Some(anchor_of(runs)) }];
+    edits.extend(project.there_again(&edits));
     edits
 }
 

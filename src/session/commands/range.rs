@@ -33,8 +33,10 @@ impl Session {
         Ok(None)
     }
 
-    fn commit_range(&mut self, title: &str, edits: Vec<Edit>) -> Result<()> {
+    /// One step; what the masks show now is there again.
+    fn commit_range(&mut self, title: &str, mut edits: Vec<Edit>) -> Result<()> {
         ensure!(!edits.is_empty(), "{}: there is nothing to change on these frames", title.to_lowercase());
+        edits.extend(self.snapshot()?.there_again(&edits));
         self.commit(title, edits)
     }
 
@@ -54,6 +56,7 @@ impl Session {
                 let now = session.snapshot()?;
                 let touched = || request.from..=request.to;
                 let same = touched().all(|frame| now.masks.get(&frame) == made_from.masks.get(&frame));
+                let same = same && now.marks == made_from.marks && now.prompts == made_from.prompts;
                 ensure!(same, "the masks changed meanwhile; do it again");
                 session.commit_range(&title, edits)
             }) as Landing)
@@ -201,20 +204,15 @@ fn copy(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>, s
         let of = project.frame(frame)?;
         let nothing = || Arc::new(RunMask::empty(of.width, of.height));
         let before = project.masks.get(&frame).map_or_else(nothing, |mask| Arc::clone(&mask.runs));
-        let runs = project.with_locks(frame, Arc::new(transfer(&before, &from.runs, labels, request.replace)?));
+        let open = labels - &project.locked_on(frame);
+        let runs = project.with_locks(frame, Arc::new(transfer(&before, &from.runs, &open, request.replace)?));
         if runs == before {
             continue;
         }
-        edits.extend(
-            labels
-                .iter()
-                .filter(|&&label| project.prompts.contains_key(&(frame, label)))
-                .map(|&label| Edit::SetPrompt { frame, label, prompt: None }),
-        );
+        let given = open.into_iter().filter(|&label| project.prompts.contains_key(&(frame, label)));
+        edits.extend(given.map(|label| Edit::SetPrompt { frame, label, prompt: None }));
         edits.push(Edit::SetMask { frame, mask: Some(anchor_of(runs)) });
     }
-    let there: Vec<usize> = edits.iter().filter_map(Edit::masked_frame).collect();
-    edits.extend(mark(project, labels, |marks| there.iter().for_each(|&frame| marks.absent.remove(frame, frame))));
     Ok(edits)
 }
 

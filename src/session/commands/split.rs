@@ -23,7 +23,7 @@ pub(super) fn split(project: &Project, request: &RangeRequest, cut: &Cut, progre
     let mask = project.masks.get(&cut.frame).with_context(|| format!("frame {} has no mask", cut.frame))?;
     let (part, rest) = pointed_at(project, cut, &mask.runs)?;
     let mut edits = piece_edits(project, cut, cut.frame, mask, &part);
-    let after: Vec<usize> = project.masks.range(cut.frame + 1..=request.to).map(|(&frame, _)| frame).collect();
+    let after: Vec<usize> = project.masks.range(cut.frame..=request.to).skip(1).map(|(&frame, _)| frame).collect();
     let before: Vec<usize> = project.masks.range(request.from..cut.frame).rev().map(|(&frame, _)| frame).collect();
     let total = after.len() + before.len();
     let mut done = 0;

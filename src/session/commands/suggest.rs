@@ -25,9 +25,11 @@ impl Session {
         let (project, store) = (self.snapshot()?, Arc::clone(&self.store));
         ensure!(!project.masks.is_empty(), "no frame has a mask; prompt and track first");
         Ok(self.start("Suggest", Kind::Short, move |link| {
-            let found = suggestions(&project, &store, &link.progress)?;
+            let mut warnings = Vec::new();
+            let found = suggestions(&project, &store, &mut warnings, &link.progress)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.suggestions = found;
+                session.warn_all(warnings);
                 Ok(())
             }) as Landing)
         }))
@@ -40,14 +42,23 @@ impl Session {
     }
 }
 
-fn suggestions(project: &Project, store: &FrameStore, progress: &Progress) -> Result<Vec<Suggestion>> {
+/// Frames that cannot be read are passed over, with a warning.
+fn suggestions(
+    project: &Project,
+    store: &FrameStore,
+    warnings: &mut Vec<String>,
+    progress: &Progress,
+) -> Result<Vec<Suggestion>> {
     progress.stage("suggest")?;
     let frames: Vec<usize> = project.masks.keys().copied().collect();
     let looks: Vec<usize> = frames.iter().copied().step_by(frames.len().div_ceil(LOOKED_AT)).collect();
     let mut found: Vec<(usize, usize, Unexplained)> = Vec::new();
     for (look, &frame) in looks.iter().enumerate() {
         progress.step(look, looks.len())?;
-        found.extend(unexplained_on(project, store, frame)?.into_iter().map(|one| (look, frame, one)));
+        match unexplained_on(project, store, frame) {
+            Ok(all) => found.extend(all.into_iter().map(|one| (look, frame, one))),
+            Err(error) => warnings.push(format!("{error:#}; the frame was passed over")),
+        }
     }
     found.sort_by(|a, b| (a.2.why).cmp(&b.2.why).then(b.2.strength.total_cmp(&a.2.strength)));
     let mut kept: Vec<&(usize, usize, Unexplained)> = Vec::new();

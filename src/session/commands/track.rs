@@ -87,8 +87,9 @@ impl Session {
     }
 
     fn gather(&mut self, frame: usize, mask: FrameMask, preliminary: bool) -> Result<()> {
+        let project = self.snapshot()?;
         if let Some(run) = self.track.as_mut().filter(|run| run.doubt.is_none()) {
-            run.doubt = if preliminary { None } else { run.doubts(frame, &mask) };
+            run.doubt = if preliminary { None } else { run.doubts(&project, frame, &mask) };
             run.done.insert(frame);
             run.waiting.push((frame, mask));
             if run.doubt.is_some() {
@@ -155,8 +156,10 @@ impl TrackRun {
     }
 
     /// The label of a frame that the run is least sure of, where that is not sure enough.
-    fn doubts(&self, frame: usize, mask: &FrameMask) -> Option<Doubt> {
-        let is_meant = |label: &LabelId| self.choice.labels().is_none_or(|labels| labels.contains(label));
+    fn doubts(&self, project: &Project, frame: usize, mask: &FrameMask) -> Option<Doubt> {
+        let barred = &project.absent_on(frame) | &project.locked_on(frame);
+        let is_chosen = |label: &LabelId| self.choice.labels().is_none_or(|labels| labels.contains(label));
+        let is_meant = |label: &LabelId| is_chosen(label) && !barred.contains(label);
         let meant = mask.confidence.iter().filter(|(label, _)| is_meant(label));
         let (&label, &sure) = meant.min_by(|a, b| a.1.total_cmp(b.1))?;
         (sure < self.pause_below?).then_some(Doubt { frame, label, sure })

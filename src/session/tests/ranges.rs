@@ -5,7 +5,10 @@ use proptest::prelude::*;
 
 use super::making::{anchor, perform, project, tracked};
 use crate::masks::{Click, LabelId, Prompt};
-use crate::session::{Command, Edit, FrameMask, MaskOrigin, OpenProject, Project, RangeChange, RangeRequest, Session};
+use crate::session::{
+    Command, Edit, Event, FrameMask, MaskOrigin, OpenProject, Project, RangeChange, RangeRequest, Session,
+    TrackSettings,
+};
 
 const LEAF: LabelId = LabelId(1);
 const STEM: LabelId = LabelId(2);
@@ -181,6 +184,51 @@ fn a_copy_is_an_anchor() {
     assert_eq!(error, "frame 0 does not show what is to be copied");
 }
 
+#[test]
+fn a_label_that_may_not_be_there_cuts_no_hole_into_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(&folder, &[anchor([1, 2, 0]), both([0, 2, 2]), anchor([0, 1, 1])]);
+    change(&mut session, &[LEAF], (1, 1), RangeChange::Delete).unwrap();
+    let replace = |change| RangeRequest { labels: vec![LEAF], from: 0, to: 2, change, replace: true };
+    assert!(perform(&mut session, Command::Range(replace(RangeChange::Interpolate))).is_err(), "nothing may change");
+    assert_eq!(rows(&session, 1), [0, 2, 2]);
+    let settings = TrackSettings { labels: vec![LEAF], replace: true, ..TrackSettings::default() };
+    let choice = super::super::commands::LabelChoice::new(&settings);
+    let Some(Edit::SetMask { mask: Some(mask), .. }) = choice.edit(now(&session), 1, tracked([1, 1, 1])) else {
+        panic!()
+    };
+    assert_eq!(mask.runs, tracked([0, 2, 2]).runs);
+    change(&mut session, &[LEAF], (1, 1), RangeChange::Restore).unwrap();
+    change(&mut session, &[LEAF], (1, 1), RangeChange::Lock).unwrap();
+    assert!(perform(&mut session, Command::Range(replace(RangeChange::Copy { frame: 2 }))).is_ok());
+    assert_eq!([0, 1].map(|frame| rows(&session, frame)), [[0, 1, 1], [0, 2, 2]]);
+}
+
+#[test]
+fn what_is_merged_or_split_into_a_deleted_label_is_there_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(&folder, &[both([1, 0, 1]), both([1, 0, 1]), both([1, 2, 0])]);
+    change(&mut session, &[STEM], (0, 2), RangeChange::Delete).unwrap();
+    change(&mut session, &[LEAF], (0, 0), RangeChange::Merge { into: STEM }).unwrap();
+    let split = RangeChange::Split { frame: 1, at_px: DVec2::new(1.0, 2.5), into: STEM };
+    change(&mut session, &[LEAF], (1, 1), split).unwrap();
+    assert_eq!(now(&session).marks_of(STEM).absent.ranges().collect::<Vec<_>>(), [2..=2]);
+    assert_eq!([0, 1].map(|frame| rows(&session, frame)), [[2, 0, 2], [1, 0, 2]]);
+}
+
+#[test]
+fn a_job_that_marks_overtook_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(&folder, &[anchor([1, 0, 0]), both([0, 0, 0]), anchor([0, 0, 1])]);
+    let request = |change| RangeRequest { labels: vec![LEAF], from: 0, to: 2, change, replace: false };
+    session.act(Command::Range(request(RangeChange::Interpolate))).unwrap();
+    session.act(Command::Range(request(RangeChange::Lock))).unwrap();
+    let events = session.settle(|_| std::ops::ControlFlow::Continue(()));
+    let overtaken = |event: &Event| matches!(event, Event::Failed { error, .. } if error.contains("meanwhile"));
+    assert!(events.iter().any(overtaken), "{events:?}");
+    assert_eq!(rows(&session, 1), [0, 0, 0]);
+}
+
 fn any_change() -> impl Strategy<Value = RangeChange> {
     prop_oneof![
         Just(RangeChange::Delete),
@@ -208,7 +256,7 @@ proptest! {
     fn only_what_was_meant_changes(
         masks in proptest::collection::vec((proptest::array::uniform3(0u16..3), any::<bool>()), 5),
         locked in (0u16..3, 0usize..5),
-        changes in proptest::collection::vec((any_change(), 0u16..3, 0usize..5, 0usize..5), 1..5),
+        changes in proptest::collection::vec((any_change(), 0u16..3, 0usize..5, 0usize..5, any::<bool>()), 1..5),
     ) {
         let folder = tempfile::tempdir().unwrap();
         let masks: Vec<_> = masks.into_iter().map(|(ids, is)| if is { anchor(ids) } else { both(ids) }).collect();
@@ -218,10 +266,11 @@ proptest! {
         }
         let start = Project::clone(now(&session));
         let mut done = 0;
-        for (what, label, from, to) in changes {
+        for (what, label, from, to, replace) in changes {
             let labels: Vec<LabelId> = (label > 0).then_some(LabelId(label)).into_iter().collect();
             let before = Project::clone(now(&session));
-            if change(&mut session, &labels, (from, to), what).is_err() {
+            let request = RangeRequest { labels: labels.clone(), from, to, change: what, replace };
+            if perform(&mut session, Command::Range(request)).is_err() {
                 prop_assert_eq!(now(&session), &before, "what is refused changes nothing");
                 continue;
             }
@@ -234,7 +283,7 @@ proptest! {
                 for id in before.locked_on(frame) {
                     prop_assert_eq!(after.runs.region(id), mask.runs.region(id));
                 }
-                let gives = matches!(what, RangeChange::Merge { .. } | RangeChange::Split { .. });
+                let gives = replace || matches!(what, RangeChange::Merge { .. } | RangeChange::Split { .. });
                 for id in [LEAF, STEM] {
                     if !labels.is_empty() && !labels.contains(&id) && !gives {
                         prop_assert_eq!(after.runs.region(id), mask.runs.region(id));
