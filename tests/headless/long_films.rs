@@ -172,8 +172,12 @@ fn an_interrupt_ends_the_program_with_130_and_keeps_what_is_done() {
     let root = project(folder.path(), (320, 180), 400, 0);
     let mut process = Process::new(env!("CARGO_BIN_EXE_ostra"));
     process.arg("track").arg(&root).args(["--tracker", "flow"]).stderr(Stdio::piped());
+    let written = || std::fs::metadata(root.join("journal.jsonl")).map_or(0, |file| file.len());
+    let before = written();
     let mut child = process.spawn().unwrap();
-    std::thread::sleep(Duration::from_secs(2));
+    while written() <= before && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(20));
+    }
     let asked = Instant::now();
     assert!(Process::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
     let code = child.wait().unwrap().code();
