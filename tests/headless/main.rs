@@ -35,4 +35,6 @@ mod session;
 #[cfg(test)]
 mod shared;
 #[cfg(test)]
+mod suggestions;
+#[cfg(test)]
 mod thin;

@@ -1,0 +1,71 @@
+//! Things that no label explains, offered by the program as a process.
+
+use std::path::Path;
+use std::process::Command;
+
+use image::{Rgb, RgbImage};
+
+const SIZE: (u32, u32) = (320, 240);
+
+fn ostra(words: &str, folder: &Path) -> String {
+    let words: Vec<&str> = words.split(' ').collect();
+    let out = Command::new(env!("CARGO_BIN_EXE_ostra")).args(&words).current_dir(folder).output().unwrap();
+    assert!(out.status.success(), "{words:?}: {}", String::from_utf8_lossy(&out.stderr));
+    String::from_utf8(out.stdout).unwrap()
+}
+
+/// A grain of 5 px that is the same wherever it is asked for.
+fn grain(x: u32, y: u32, salt: u32) -> u8 {
+    let cell = (x / 5).wrapping_mul(7_349).wrapping_add((y / 5).wrapping_mul(9_151)).wrapping_add(salt);
+    (cell.wrapping_mul(cell) >> 7 & 127) as u8
+}
+
+/// The left edge of the grainy box that goes its own way over a grainy ground that slides.
+fn box_left(frame: u32) -> u32 {
+    90 + 4 * frame
+}
+
+fn picture(frame: u32) -> RgbImage {
+    RgbImage::from_fn(SIZE.0, SIZE.1, |x, y| {
+        let (u, v) = (x.wrapping_sub(box_left(frame)), y.wrapping_sub(80));
+        if u < 60 && v < 50 {
+            let value = 90 + grain(u, v, 5);
+            Rgb([value, value, 255 - value])
+        } else {
+            Rgb([grain(x + 500 + frame, y + 300, 0); 3])
+        }
+    })
+}
+
+/// Frame and pixel of each line.
+fn found(text: &str) -> Vec<(u32, u32, u32)> {
+    let moves = text.lines().filter(|line| line.contains("moves on its own"));
+    let numbers = moves.map(|line| {
+        let frame = line.strip_prefix("frame ").unwrap().split(':').next().unwrap();
+        let (x, y) = line.rsplit_once(", at ").unwrap().1.split_once(',').unwrap();
+        (frame.parse().unwrap(), x.parse().unwrap(), y.parse().unwrap())
+    });
+    numbers.collect()
+}
+
+#[test]
+fn a_thing_that_moves_on_its_own_is_offered_until_a_label_explains_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::create_dir(folder.join("frames")).unwrap();
+    for frame in 0..6 {
+        picture(frame).save(folder.join(format!("frames/{frame}.png"))).unwrap();
+    }
+    ostra("new p --frames frames", folder);
+    ostra("label p ground", folder);
+    ostra("label p box", folder);
+    ostra("trace p --frame 0 --label ground --point 20,200 --point 60,200", folder);
+    let offered = found(&ostra("suggest p", folder));
+    assert_eq!(offered.len(), 1, "{offered:?}");
+    let (frame, x, y) = offered[0];
+    let left = box_left(frame);
+    assert!(frame == 0 && (left + 10..left + 50).contains(&x) && (90..120).contains(&y), "{offered:?}");
+    let corners = format!("{},80,{},130", box_left(0), box_left(0) + 60);
+    ostra(&format!("prompt p --frame 0 --label box --click {x},{y} --box {corners}"), folder);
+    assert_eq!(found(&ostra("suggest p", folder)), []);
+}
