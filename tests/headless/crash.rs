@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use glam::DVec2;
 use ostra::frames::{FrameFolder, OpenRequest};
 use ostra::masks::LabelId;
-use ostra::session::{Command, Event, NewProject, PaintRequest, Project, Session};
+use ostra::session::{Command, Event, NewProject, PaintRequest, Project, RangeChange, RangeRequest, Session};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -68,6 +68,7 @@ fn random_command(project: &Project, random: &mut Pcg64Mcg) -> Command {
         2 => Command::ClearMask { frame },
         3..7 => Command::Undo,
         7..10 => Command::Redo,
+        10..13 => random_range(project, frame, label, random),
         _ => {
             let point =
                 |random: &mut Pcg64Mcg| DVec2::new(random.random_range(0.0..48.0), random.random_range(0.0..32.0));
@@ -84,6 +85,21 @@ fn random_command(project: &Project, random: &mut Pcg64Mcg) -> Command {
             })
         }
     }
+}
+
+/// A change of a label from a frame to the last one.
+fn random_range(project: &Project, from: usize, label: LabelId, random: &mut Pcg64Mcg) -> Command {
+    let change = match random.random_range(0..7) {
+        0 => RangeChange::Delete,
+        1 => RangeChange::Restore,
+        2 => RangeChange::Lock,
+        3 => RangeChange::Unlock,
+        4 => RangeChange::Hide,
+        5 => RangeChange::Show,
+        _ => RangeChange::Copy { frame: random.random_range(0..project.frames.len()) },
+    };
+    let to = project.frames.len() - 1;
+    Command::Range(RangeRequest { labels: vec![label], from, to, change, replace: false })
 }
 
 /// The child: nothing to do unless the parent asks.
