@@ -167,10 +167,10 @@ fn scrolled(ui: &mut Ui, salt: &str, content: impl FnOnce(&mut Ui)) {
     ScrollArea::vertical().id_salt(salt).auto_shrink([false, false]).show(ui, content);
 }
 
-/// A part of a side panel that folds away.
+/// A part of a side panel that folds away. Where `open` changes, so does whether it is folded.
 fn section(ui: &mut Ui, title: &str, open: bool, content: impl FnOnce(&mut Ui)) {
     let header = egui::CollapsingHeader::new(egui::RichText::new(title).strong().size(14.0));
-    header.default_open(open).show_unindented(ui, |ui| {
+    header.id_salt((title, open)).default_open(open).show_unindented(ui, |ui| {
         ui.add_space(2.0);
         content(ui);
         ui.add_space(6.0);

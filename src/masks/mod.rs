@@ -10,6 +10,7 @@ mod edit;
 mod error;
 pub mod flow;
 mod formats;
+mod frontier;
 mod lab;
 mod label;
 mod label_tree;

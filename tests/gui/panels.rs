@@ -2,8 +2,8 @@
 
 use egui_kittest::kittest::{NodeT, Queryable};
 use ostra::app::{Panes, Severity};
-use ostra::masks::LabelId;
-use ostra::session::{Command, TrackSettings};
+use ostra::masks::{Apartness, LabelId, PxBox};
+use ostra::session::{Command, Suggestion, TrackSettings};
 
 use crate::desk::{Desk, labels};
 
@@ -64,6 +64,23 @@ fn labels_are_added_renamed_hidden_and_removed() {
     let asked = &harness.state().asked;
     let name = "panicle".to_owned();
     assert_eq!(asked[..], [Command::AddLabel { name, parent: None, color: None }, Command::RemoveLabel(LabelId(3))]);
+}
+
+#[test]
+fn suggestions_unfold_as_they_arrive_and_become_labels() {
+    let mut harness = Desk::sample().shown();
+    assert!(harness.query_by_label("Add suggestion 1").is_none());
+    let (at_px, corner) = (glam::DVec2::new(50.5, 40.5), glam::DVec2::new(45.0, 35.0));
+    let around_px = PxBox { min_px: corner, max_px: corner + 10.0 };
+    let one = Suggestion { frame: 5, at_px, around_px, share: 0.03, why: Apartness::Moves };
+    harness.state_mut().suggestions.push(one);
+    harness.run_steps(30);
+    harness.get_by_label("Add suggestion 1").click();
+    harness.run_steps(2);
+    let [Command::AddLabel { .. }, Command::Prompt(request)] = &harness.state().asked[..] else { panic!() };
+    assert_eq!((request.frame, request.label), (5, LabelId(4)));
+    assert_eq!((request.prompt.clicks[0].at_px, &request.prompt.boxes[..]), (at_px, &[around_px][..]));
+    assert_eq!(harness.state().shell.view.frame, 5);
 }
 
 #[test]

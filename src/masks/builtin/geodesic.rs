@@ -1,9 +1,9 @@
 //! Shortest paths over the region graph.
 
-use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use super::graph::{Edge, RegionGraph};
+use crate::masks::frontier::Reached;
 
 /// Distances to the nearest source.
 pub(super) struct Distances {
@@ -22,10 +22,10 @@ pub(super) fn distances(graph: &RegionGraph, sources: &[(u32, f32)], cost: impl 
         if start < found.to[region as usize] {
             found.to[region as usize] = start;
             found.origin[region as usize] = region;
-            open.push(Reached { distance: start, region });
+            open.push(Reached { cost: start, at: region });
         }
     }
-    while let Some(Reached { distance, region }) = open.pop() {
+    while let Some(Reached { cost: distance, at: region }) = open.pop() {
         if distance > found.to[region as usize] {
             continue;
         }
@@ -34,35 +34,9 @@ pub(super) fn distances(graph: &RegionGraph, sources: &[(u32, f32)], cost: impl 
             if there < found.to[neighbour as usize] {
                 found.to[neighbour as usize] = there;
                 found.origin[neighbour as usize] = found.origin[region as usize];
-                open.push(Reached { distance: there, region: neighbour });
+                open.push(Reached { cost: there, at: neighbour });
             }
         }
     }
     found
 }
-
-struct Reached {
-    distance: f32,
-    region: u32,
-}
-
-impl Ord for Reached {
-    /// The nearest comes first out of a heap; of equally near ones the lowest number.
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.distance.total_cmp(&self.distance).then(other.region.cmp(&self.region))
-    }
-}
-
-impl PartialOrd for Reached {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Reached {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Reached {}

@@ -1,4 +1,3 @@
-use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use glam::{DVec2, Vec3A};
@@ -6,6 +5,7 @@ use glam::{DVec2, Vec3A};
 use super::crop::Crop;
 use super::ridge::{Ridge, RidgeFilter};
 use crate::frames::Image;
+use crate::masks::frontier::Reached;
 
 /// Least and most room around two points in which the path between them is looked for, in pixels; between these a
 /// quarter of their distance.
@@ -53,7 +53,7 @@ pub(super) fn path_between(image: &Image, filter: &RidgeFilter, from_px: DVec2, 
     let crop = crop_around(image, from_px, to_px);
     let mut search = Search::new(&crop, filter);
     let ends = [search.snapped(from_px), search.snapped(to_px)];
-    search.expect(ends);
+    search.learn(ends);
     search.run(ends);
     search.way_to(ends[1])
 }
@@ -67,8 +67,8 @@ fn crop_around(image: &Image, a: DVec2, b: DVec2) -> Crop {
 }
 
 /// The search over the pixels of a crop, towards its goal (A*: Hart, Nilsson and Raphael, "A formal basis for the
-/// heuristic determination of minimum cost paths", IEEE Transactions on Systems Science and Cybernetics, 1968); what a pixel costs is found when it is first reached, so that only
-/// the surroundings of the line are filtered.
+/// heuristic determination of minimum cost paths", IEEE Transactions on Systems Science and Cybernetics, 1968); what a
+/// pixel costs is found when it is first reached, so that only the surroundings of the line are filtered.
 struct Search<'a> {
     crop: &'a Crop,
     filter: &'a RidgeFilter,
@@ -137,7 +137,7 @@ impl<'a> Search<'a> {
     }
 
     /// Learns from the two ends what the line looks like.
-    fn expect(&mut self, ends: [usize; 2]) {
+    fn learn(&mut self, ends: [usize; 2]) {
         let weaker = ends.map(|end| self.ridge(end).contrast).into_iter().fold(f32::INFINITY, f32::min);
         self.contrast_half = (weaker / 2.0).clamp(CONTRAST_HALF.0, CONTRAST_HALF.1);
         self.ends = ends.map(|end| (self.middle(end), self.color(end)));
@@ -160,14 +160,15 @@ impl<'a> Search<'a> {
     }
 
     fn run(&mut self, [from, to]: [usize; 2]) {
-        let mut open = BinaryHeap::from([Reached { through: 0.0, distance: 0.0, at: from as u32 }]);
+        let mut open = BinaryHeap::from([Reached { cost: self.left(from, to), at: from as u32 }]);
         self.distance[from] = 0.0;
-        while let Some(Reached { distance, at, .. }) = open.pop() {
+        while let Some(Reached { cost, at }) = open.pop() {
             let at = at as usize;
             if at == to {
                 return;
             }
-            if distance > self.distance[at] {
+            let distance = self.distance[at];
+            if cost > distance + self.left(at, to) {
                 continue;
             }
             let here = self.cost(at);
@@ -182,11 +183,15 @@ impl<'a> Search<'a> {
                 if there < self.distance[next] {
                     self.distance[next] = there;
                     self.before[next] = at as u32;
-                    let left = self.middle(next).distance(self.middle(to)) as f32 * self.least;
-                    open.push(Reached { through: there + left, distance: there, at: next as u32 });
+                    open.push(Reached { cost: there + self.left(next, to), at: next as u32 });
                 }
             }
         }
+    }
+
+    /// What the way from a pixel to the goal costs at least.
+    fn left(&self, at: usize, to: usize) -> f32 {
+        self.middle(at).distance(self.middle(to)) as f32 * self.least
     }
 
     fn way_to(&mut self, end: usize) -> Vec<PathPixel> {
@@ -198,31 +203,3 @@ impl<'a> Search<'a> {
         way.into_iter().rev().map(|at| PathPixel { at_px: origin + self.middle(at), ridge: self.ridge(at) }).collect()
     }
 }
-
-struct Reached {
-    /// What a way through this pixel costs at least.
-    through: f32,
-    distance: f32,
-    at: u32,
-}
-
-impl Ord for Reached {
-    /// The most promising comes first out of a heap; of equal ones the first pixel.
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.through.total_cmp(&self.through).then(other.at.cmp(&self.at))
-    }
-}
-
-impl PartialOrd for Reached {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Reached {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Reached {}
