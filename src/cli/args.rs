@@ -276,6 +276,9 @@ pub(super) struct ExportArgs {
     /// COLMAP text model.
     #[arg(long, value_name = "DIR")]
     pub cameras: Option<PathBuf>,
+    /// The COLMAP model in its binary encoding.
+    #[arg(long, requires = "cameras")]
+    pub binary: bool,
     /// Palette PNGs and labels.json.
     #[arg(long, value_name = "DIR")]
     pub masks: Option<PathBuf>,

@@ -2,6 +2,7 @@ use anyhow::{Context, Result, bail};
 
 use super::args::{ExportArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, TrackArgs, Way};
 use super::drive::Driver;
+use crate::frames::cameras::ModelEncoding;
 use crate::masks::{Direction, LabelId};
 use crate::session::{
     Command, ExportRequest, FuseRequest, Project, ReconstructMethod, ReconstructRequest, TrackSettings,
@@ -84,6 +85,7 @@ pub(super) fn export(args: ExportArgs) -> Result<()> {
         mesh: args.mesh,
         voxels: args.voxels,
         cameras: args.cameras,
+        camera_encoding: if args.binary { ModelEncoding::Binary } else { ModelEncoding::Text },
         masks: args.masks,
         depths: args.depths,
         traits: args.traits,

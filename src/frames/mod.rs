@@ -8,6 +8,7 @@ pub mod cameras;
 mod complete;
 mod decode;
 mod error;
+mod exif;
 mod film;
 mod frame;
 mod frame_set;
@@ -21,6 +22,7 @@ mod thumbnail;
 mod turn;
 
 pub use error::FrameError;
+pub use exif::exif_focal_px;
 pub use frame::{DepthSource, Frame, FrameCamera, Orientation, PictureSource};
 pub use frame_set::FrameSet;
 pub use image::{DepthMap, Image};

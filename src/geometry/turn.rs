@@ -41,6 +41,18 @@ impl Turn {
         }
     }
 
+    /// Where a position in a picture of `width` × `height` pixels lies after the turn.
+    #[must_use]
+    pub fn turn_px(self, at_px: DVec2, width: u32, height: u32) -> DVec2 {
+        let (w, h) = (f64::from(width), f64::from(height));
+        match self {
+            Self::None => at_px,
+            Self::Clockwise => DVec2::new(h - at_px.y, at_px.x),
+            Self::Half => DVec2::new(w, h) - at_px,
+            Self::Anticlockwise => DVec2::new(at_px.y, w - at_px.x),
+        }
+    }
+
     /// The turn of the plane z = 1 (x right, y down).
     fn matrix(self) -> DMat2 {
         match self {
@@ -69,13 +81,10 @@ impl Camera {
     /// The intrinsics of the picture after the turn. The pose changes with it: [`Pose::turned`].
     #[must_use]
     pub fn turned(&self, turn: Turn) -> Self {
-        let (w, h) = (f64::from(self.width), f64::from(self.height));
-        let principal_px = match turn {
-            Turn::None => return *self,
-            Turn::Clockwise => DVec2::new(h - self.principal_px.y, self.principal_px.x),
-            Turn::Half => DVec2::new(w, h) - self.principal_px,
-            Turn::Anticlockwise => DVec2::new(self.principal_px.y, w - self.principal_px.x),
-        };
+        if turn == Turn::None {
+            return *self;
+        }
+        let principal_px = turn.turn_px(self.principal_px, self.width, self.height);
         let quarter = turn != Turn::Half;
         let (width, height) = if quarter { (self.height, self.width) } else { (self.width, self.height) };
         let focal_px = if quarter { self.focal_px.yx() } else { self.focal_px };

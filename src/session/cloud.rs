@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 
 use super::jobs::{Kind, Landing};
 use super::store::{cloud_path, version_in_force, votes_path};
-use super::{Event, JobId, Session};
+use super::{Event, JobId, ResultKind, Session};
 use crate::scene::LabelledCloud;
 use crate::scene::fuse::{Votes, read_votes};
 use crate::scene::ply::read_ply;
@@ -53,7 +53,7 @@ impl Session {
     }
 
     fn loaded_cloud(&self) -> Option<&Loaded> {
-        let version = self.project().and_then(|project| version_in_force(project));
+        let version = self.project().and_then(|project| version_in_force(project, ResultKind::Cloud));
         if self.open.is_some() && version.is_none() {
             return None;
         }
@@ -66,7 +66,7 @@ impl Session {
 
     /// Starts to load the cloud that was asked for.
     pub(super) fn load_wanted_cloud(&mut self) {
-        let version = self.project().and_then(|project| version_in_force(project));
+        let version = self.project().and_then(|project| version_in_force(project, ResultKind::Cloud));
         if !self.cloud.wanted.take() || version.is_none() || self.cloud.tried == version {
             return;
         }

@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
+use crate::frames::cameras::ModelEncoding;
 use crate::masks::{Direction, LabelId, Prompt};
 
 /// A wish: all that window, command line and recipes can ask of a [`super::Session`].
@@ -336,6 +337,9 @@ pub struct ExportRequest {
     /// COLMAP text model.
     #[serde(default)]
     pub cameras: Option<PathBuf>,
+    /// Text or binary.
+    #[serde(default)]
+    pub camera_encoding: ModelEncoding,
     /// Palette PNGs and `labels.json`.
     #[serde(default)]
     pub masks: Option<PathBuf>,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 
 use super::store::{self, Act, Checkpoint, Folder, HISTORY_BYTES, Loaded, Written};
-use super::{Change, Edit, History, JobId, Project, Step};
+use super::{Change, Edit, History, JobId, Project, ResultKind, Step};
 use crate::engine::job::Progress;
 
 /// A project with its folder and history: makes steps whole or not at all, in memory and on the disk alike.
@@ -140,7 +140,7 @@ impl OpenProject {
     /// # Errors
     /// When a file cannot be put in place.
     pub fn publish(&mut self) -> Result<()> {
-        let version = store::version_in_force(&self.project);
+        let version = store::version_in_force(&self.project, ResultKind::Cloud);
         if self.published != Some(version) {
             store::publish(self.root(), version)?;
             self.published = Some(version);

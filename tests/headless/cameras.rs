@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ostra::engine::job::Progress;
-use ostra::frames::cameras::{GivenCameras, read_sparse_points, write_colmap_model};
+use ostra::frames::cameras::{GivenCameras, ModelEncoding, SparsePoints, read_sparse_points, write_colmap_model};
 use ostra::frames::{Frame, FrameFolder, OpenRequest, open};
 use ostra::geometry::{Alignment, Pose, TrajectoryError};
 
@@ -84,7 +84,8 @@ fn real_models_are_written_and_read_again() {
         let folder = data.join(set);
         let frames = with_cameras(folder.join(pictures), &folder);
         let out = tempfile::tempdir().unwrap();
-        write_colmap_model(out.path(), &frames, &read_sparse_points(&folder).unwrap()).unwrap();
+        let sparse = SparsePoints::without_keypoints(read_sparse_points(&folder).unwrap());
+        write_colmap_model(out.path(), &frames, &sparse, ModelEncoding::Text).unwrap();
         assert_eq!(with_cameras(folder.join(pictures), out.path()), frames);
     }
 }

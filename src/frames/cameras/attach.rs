@@ -45,7 +45,7 @@ pub(super) fn stored_camera(frame: &Frame) -> Result<Option<(Camera, Pose)>, Geo
     Ok(Some((camera.turned(back), pose.turned(back))))
 }
 
-fn stored_size(frame: &Frame, turn: Turn) -> (u32, u32) {
+pub(super) fn stored_size(frame: &Frame, turn: Turn) -> (u32, u32) {
     match turn {
         Turn::None | Turn::Half => (frame.width, frame.height),
         Turn::Clockwise | Turn::Anticlockwise => (frame.height, frame.width),

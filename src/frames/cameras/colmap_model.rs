@@ -30,6 +30,11 @@ pub fn model_name(number: i32) -> String {
         .map_or_else(|| format!("number {number}"), ToString::to_string)
 }
 
+/// The number of a model that is written.
+pub fn model_number(name: &str) -> i32 {
+    NAMES.iter().position(|&known| known == name).map_or(-1, |number| number as i32)
+}
+
 /// Number of parameters of a supported model.
 pub fn parameter_count(model: &str) -> Result<usize, String> {
     match model {

@@ -2,19 +2,11 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::SparsePoint;
 use super::colmap_binary::Cursor;
 use super::detect::colmap_folder;
 use super::lines::{Line, TextFile, invalid, read_bytes};
 use crate::frames::FrameError;
-
-/// A point of a sparse model.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SparsePoint {
-    /// In world units.
-    pub position: DVec3,
-    /// sRGB.
-    pub color: [u8; 3],
-}
 
 /// The points of the COLMAP model in `path` (its folder, or one with `sparse/` or `sparse/0`), in the file's order;
 /// empty where the model has no file of points.
@@ -45,7 +37,13 @@ fn read_line(line: Line<'_>) -> Result<SparsePoint, FrameError> {
     let _id: u64 = line.parse(words.next())?;
     let position = DVec3::new(line.parse(words.next())?, line.parse(words.next())?, line.parse(words.next())?);
     let color = [line.parse(words.next())?, line.parse(words.next())?, line.parse(words.next())?];
-    Ok(SparsePoint { position, color })
+    let error: f64 = line.parse(words.next())?;
+    Ok(SparsePoint { position, color, error_px: known(error) })
+}
+
+/// COLMAP writes −1 for an error that is not known.
+fn known(error_px: f64) -> Option<f64> {
+    Some(error_px).filter(|&error| error >= 0.0)
 }
 
 fn read_binary(file: &mut Cursor<'_>) -> Result<Vec<SparsePoint>, FrameError> {
@@ -54,10 +52,10 @@ fn read_binary(file: &mut Cursor<'_>) -> Result<Vec<SparsePoint>, FrameError> {
         let _id = file.u64()?;
         let position = DVec3::new(file.f64()?, file.f64()?, file.f64()?);
         let color = [file.u8()?, file.u8()?, file.u8()?];
-        let _error = file.f64()?;
+        let error_px = known(file.f64()?);
         let track = file.u64()?;
         file.skip_records(track, 8)?;
-        points.push(SparsePoint { position, color });
+        points.push(SparsePoint { position, color, error_px });
     }
     Ok(points)
 }

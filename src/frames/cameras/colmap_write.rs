@@ -1,45 +1,53 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::SparsePoint;
-use super::attach::stored_camera;
-use super::colmap_model::model_and_parameters;
-use crate::frames::{Frame, FrameError};
-use crate::geometry::{Camera, Pose};
+use serde::{Deserialize, Serialize};
 
-/// Writes `cameras.txt`, `images.txt` and `points3D.txt` of a COLMAP text model into `folder`, which is made: all frames
-/// that have intrinsics and a pose, for the pictures as stored (turned back), equal cameras once. Numbers are written so
-/// that reading gives the same bits.
+use super::colmap_model::{model_and_parameters, model_number};
+use super::colmap_model_out::{ImageOut, ModelOut};
+use super::{SparsePoint, SparsePoints};
+use crate::frames::{Frame, FrameError};
+use crate::geometry::Camera;
+
+/// In which of its two encodings a COLMAP model is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelEncoding {
+    /// `cameras.txt`, `images.txt`, `points3D.txt`; numbers are written so that reading gives the same bits.
+    #[default]
+    Text,
+    /// `cameras.bin`, `images.bin`, `points3D.bin`.
+    Binary,
+}
+
+/// Writes a COLMAP model into `folder`, which is made: all frames that have intrinsics and a pose, for the pictures as
+/// stored (turned back), equal cameras once, and the points with the keypoints that see them.
 ///
 /// # Errors
 /// [`FrameError::Io`] where a file cannot be written; [`FrameError::Geometry`] for a mirrored picture.
-pub fn write_colmap_model(folder: &Path, frames: &[Frame], points: &[SparsePoint]) -> Result<(), FrameError> {
+pub fn write_colmap_model(
+    folder: &Path,
+    frames: &[Frame],
+    sparse: &SparsePoints,
+    encoding: ModelEncoding,
+) -> Result<(), FrameError> {
     std::fs::create_dir_all(folder).map_err(|source| FrameError::Io { path: folder.to_owned(), source })?;
-    let mut cameras: Vec<Camera> = Vec::new();
-    let mut images = String::from(
-        "# Image list: IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME; then a line for POINTS2D[]\n",
-    );
-    let mut count = 0;
-    for frame in frames {
-        let stored =
-            stored_camera(frame).map_err(|source| FrameError::Geometry { path: folder.join(&frame.name), source })?;
-        let Some((camera, pose)) = stored else { continue };
-        count += 1;
-        let known = cameras.iter().rposition(|&other| other == camera);
-        let camera = known.unwrap_or_else(|| {
-            cameras.push(camera);
-            cameras.len() - 1
-        });
-        write_image(&mut images, count, camera + 1, &pose, &frame.name);
+    let model = ModelOut::new(frames, sparse)
+        .map_err(|(name, source)| FrameError::Geometry { path: folder.join(name), source })?;
+    let (ending, files) = match encoding {
+        ModelEncoding::Text => (
+            "txt",
+            [camera_list(&model.cameras), image_list(&model.images), point_list(&model)].map(String::into_bytes),
+        ),
+        ModelEncoding::Binary => {
+            ("bin", [cameras_bytes(&model.cameras), images_bytes(&model.images), points_bytes(&model)])
+        }
+    };
+    for (name, bytes) in ["cameras", "images", "points3D"].into_iter().zip(files) {
+        let path = folder.join(format!("{name}.{ending}"));
+        std::fs::write(&path, bytes).map_err(|source| FrameError::Io { path, source })?;
     }
-    write(&folder.join("cameras.txt"), &camera_list(&cameras))?;
-    write(&folder.join("images.txt"), &images)?;
-    write(&folder.join("points3D.txt"), &point_list(points))
-}
-
-fn write_image(images: &mut String, id: usize, camera: usize, pose: &Pose, name: &str) {
-    let (q, t) = (pose.rotation, pose.translation);
-    let _ = writeln!(images, "{id} {} {} {} {} {} {} {} {camera} {name}\n", q.w, q.x, q.y, q.z, t.x, t.y, t.z);
+    Ok(())
 }
 
 fn camera_list(cameras: &[Camera]) -> String {
@@ -55,14 +63,82 @@ fn camera_list(cameras: &[Camera]) -> String {
     text
 }
 
-fn point_list(points: &[SparsePoint]) -> String {
-    let mut text = String::from("# 3D point list: POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n");
-    for (i, SparsePoint { position: x, color: [r, g, b] }) in points.iter().enumerate() {
-        let _ = writeln!(text, "{} {} {} {} {r} {g} {b} -1", i + 1, x.x, x.y, x.z);
+fn image_list(images: &[ImageOut<'_>]) -> String {
+    let mut text = String::from(
+        "# Image list: IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME; then a line of POINTS2D[] as X, Y, POINT3D_ID\n",
+    );
+    for (i, image) in images.iter().enumerate() {
+        let (q, t) = (image.camera_from_world.rotation, image.camera_from_world.translation);
+        let _ = write!(text, "{} {} {} {} {} {} {} {}", i + 1, q.w, q.x, q.y, q.z, t.x, t.y, t.z);
+        let _ = writeln!(text, " {} {}", image.camera + 1, image.name);
+        let mut gap = "";
+        for keypoint in &image.keypoints {
+            let point = keypoint.point.map_or(-1, |point| i64::from(point) + 1);
+            let _ = write!(text, "{gap}{} {} {point}", keypoint.at_px.x, keypoint.at_px.y);
+            gap = " ";
+        }
+        text.push('\n');
     }
     text
 }
 
-fn write(path: &Path, text: &str) -> Result<(), FrameError> {
-    std::fs::write(path, text).map_err(|source| FrameError::Io { path: path.to_owned(), source })
+fn point_list(model: &ModelOut<'_>) -> String {
+    let mut text =
+        String::from("# 3D point list: POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as IMAGE_ID, POINT2D_IDX\n");
+    for (i, (point, track)) in model.points.iter().zip(&model.tracks).enumerate() {
+        let SparsePoint { position: x, color: [r, g, b], error_px } = point;
+        let _ = write!(text, "{} {} {} {} {r} {g} {b} {}", i + 1, x.x, x.y, x.z, error_px.unwrap_or(-1.0));
+        for (image, keypoint) in track {
+            let _ = write!(text, " {} {keypoint}", image + 1);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn cameras_bytes(cameras: &[Camera]) -> Vec<u8> {
+    let mut bytes = (cameras.len() as u64).to_le_bytes().to_vec();
+    for (i, camera) in cameras.iter().enumerate() {
+        let (model, parameters) = model_and_parameters(camera);
+        bytes.extend((i as u32 + 1).to_le_bytes());
+        bytes.extend(model_number(model).to_le_bytes());
+        bytes.extend(u64::from(camera.width).to_le_bytes());
+        bytes.extend(u64::from(camera.height).to_le_bytes());
+        bytes.extend(parameters.iter().flat_map(|parameter| parameter.to_le_bytes()));
+    }
+    bytes
+}
+
+fn images_bytes(images: &[ImageOut<'_>]) -> Vec<u8> {
+    let mut bytes = (images.len() as u64).to_le_bytes().to_vec();
+    for (i, image) in images.iter().enumerate() {
+        let (q, t) = (image.camera_from_world.rotation, image.camera_from_world.translation);
+        bytes.extend((i as u32 + 1).to_le_bytes());
+        bytes.extend([q.w, q.x, q.y, q.z, t.x, t.y, t.z].iter().flat_map(|value| value.to_le_bytes()));
+        bytes.extend((image.camera as u32 + 1).to_le_bytes());
+        bytes.extend(image.name.as_bytes());
+        bytes.push(0);
+        bytes.extend((image.keypoints.len() as u64).to_le_bytes());
+        for keypoint in &image.keypoints {
+            bytes.extend([keypoint.at_px.x, keypoint.at_px.y].iter().flat_map(|value| value.to_le_bytes()));
+            bytes.extend(keypoint.point.map_or(u64::MAX, |point| u64::from(point) + 1).to_le_bytes());
+        }
+    }
+    bytes
+}
+
+fn points_bytes(model: &ModelOut<'_>) -> Vec<u8> {
+    let mut bytes = (model.points.len() as u64).to_le_bytes().to_vec();
+    for (i, (point, track)) in model.points.iter().zip(&model.tracks).enumerate() {
+        bytes.extend((i as u64 + 1).to_le_bytes());
+        bytes.extend(point.position.to_array().iter().flat_map(|value| value.to_le_bytes()));
+        bytes.extend(point.color);
+        bytes.extend(point.error_px.unwrap_or(-1.0).to_le_bytes());
+        bytes.extend((track.len() as u64).to_le_bytes());
+        for &(image, keypoint) in track {
+            bytes.extend((image as u32 + 1).to_le_bytes());
+            bytes.extend(keypoint.to_le_bytes());
+        }
+    }
+    bytes
 }

@@ -6,7 +6,9 @@
 
 mod attach;
 mod colmap_binary;
+mod colmap_keypoints;
 mod colmap_model;
+mod colmap_model_out;
 mod colmap_points;
 mod colmap_text;
 mod colmap_write;
@@ -17,14 +19,17 @@ mod lines;
 mod matching;
 mod middlebury;
 mod pose_files;
+mod sparse;
 mod trajectory_log;
 mod transforms;
 mod tum;
 
 pub use attach::attach_intrinsics;
-pub use colmap_points::{SparsePoint, read_sparse_points};
-pub use colmap_write::write_colmap_model;
+pub use colmap_keypoints::read_sparse_model;
+pub use colmap_points::read_sparse_points;
+pub use colmap_write::{ModelEncoding, write_colmap_model};
 pub use given::{CameraKey, Focal, GivenCamera, GivenCameras, GivenIntrinsics};
+pub use sparse::{SparseKeypoint, SparsePoint, SparsePoints};
 
 #[cfg(test)]
 mod tests;

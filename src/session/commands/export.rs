@@ -5,13 +5,13 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
-use crate::frames::cameras::write_colmap_model;
+use crate::frames::cameras::{SparsePoints, write_colmap_model};
 use crate::masks::MaskFormat;
 use crate::scene::LabelledCloud;
 use crate::scene::ply::{Coloring, read_ply, save_per_label, save_ply, twin_path};
 use crate::session::jobs::{Kind, Landing};
-use crate::session::store::{cloud_path, version_in_force};
-use crate::session::{ExportRequest, JobId, Project, Session};
+use crate::session::store::{cloud_path, load_sparse, version_in_force};
+use crate::session::{ExportRequest, JobId, Project, ResultKind, Session};
 
 /// What an export reads: snapshots.
 struct Sources {
@@ -20,6 +20,8 @@ struct Sources {
     /// The labelled cloud in memory, or where it lies.
     cloud: Option<Arc<LabelledCloud>>,
     cloud_file: Option<PathBuf>,
+    /// The project's folder; `None` for a PLY that is inspected.
+    root: Option<PathBuf>,
 }
 
 impl Session {
@@ -37,9 +39,10 @@ impl Session {
     fn export_sources(&self) -> Result<Sources> {
         let inspecting = self.inspected.is_some();
         let project = if inspecting { Arc::default() } else { self.snapshot()? };
-        let version = version_in_force(&project);
-        let cloud_file = version.and_then(|version| Some(cloud_path(self.root()?, version)));
-        Ok(Sources { project, store: Arc::clone(&self.store), cloud: self.cloud().cloned(), cloud_file })
+        let version = version_in_force(&project, ResultKind::Cloud);
+        let root = self.root().map(Path::to_owned);
+        let cloud_file = version.and_then(|version| Some(cloud_path(root.as_deref()?, version)));
+        Ok(Sources { project, store: Arc::clone(&self.store), cloud: self.cloud().cloned(), cloud_file, root })
     }
 }
 
@@ -72,7 +75,9 @@ fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Res
         request.traits.as_deref().map_or(Ok(()), traits)?;
     }
     if let Some(folder) = &request.cameras {
-        write_colmap_model(folder, &sources.project.frames, &[])?;
+        let sparse =
+            sources.root.as_deref().map_or_else(SparsePoints::default, |root| load_sparse(root, &sources.project));
+        write_colmap_model(folder, &sources.project.frames, &sparse, request.camera_encoding)?;
     }
     if let Some(folder) = &request.masks {
         super::masks::write(folder, MaskFormat::Davis, &sources.project, request.level, progress)?;

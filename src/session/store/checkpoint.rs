@@ -1,14 +1,14 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::folder::Written;
+use super::folder::{Written, WrittenSparse};
 use super::{history_file, manifest, mask_files, versions};
 use crate::engine::job::Progress;
-use crate::frames::cameras::write_colmap_model;
-use crate::frames::{Frame, FrameError};
-use crate::session::{History, Project};
+use crate::frames::FrameError;
+use crate::frames::cameras::{ModelEncoding, SparsePoints, read_sparse_model, write_colmap_model};
+use crate::session::{History, Project, ResultKind};
 
 /// The history keeps at least this many bytes of steps, and at most twice as many.
 pub const HISTORY_BYTES: usize = 16 << 20;
@@ -50,18 +50,29 @@ impl Checkpoint {
         Ok(Written { seq: self.seq, masks, sparse, history_length, history_seq: self.seq })
     }
 
-    /// Writes the cameras for other tools, where they changed. Cameras that such a model cannot hold (of mirrored
+    /// Writes the sparse model for other tools, where it changed. Cameras that such a model cannot hold (of mirrored
     /// pictures) are no reason not to save: `project.toml` has them.
-    fn write_sparse(&self) -> Result<Option<Arc<Vec<Frame>>>> {
+    fn write_sparse(&self) -> Result<Option<WrittenSparse>> {
         let frames = &self.project.frames;
-        let known = self.before.sparse.as_ref().is_some_and(|before| Arc::ptr_eq(before, frames) || before == frames);
+        let version = versions::version_in_force(&self.project, ResultKind::Cameras);
+        let same = |before: &WrittenSparse| {
+            before.version == version && (Arc::ptr_eq(&before.frames, frames) || before.frames == *frames)
+        };
         let posed = frames.iter().any(|frame| frame.posed_camera().is_some());
-        if posed && !known {
-            let written = write_colmap_model(&self.root.join("sparse"), frames, &[]);
+        if posed && !self.before.sparse.as_ref().is_some_and(same) {
+            let sparse = load_sparse(&self.root, &self.project);
+            let written = write_colmap_model(&self.root.join("sparse"), frames, &sparse, ModelEncoding::Text);
             if let Err(error @ FrameError::Io { .. }) = written {
                 return Err(error.into());
             }
         }
-        Ok(Some(Arc::clone(frames)))
+        Ok(Some(WrittenSparse { frames: Arc::clone(frames), version }))
     }
+}
+
+/// The points that the project's cameras were found with; none where cameras were given, or where the files are gone.
+pub fn load_sparse(root: &Path, project: &Project) -> SparsePoints {
+    let version = versions::version_in_force(project, ResultKind::Cameras);
+    let read = version.map(|version| read_sparse_model(&versions::sparse_path(root, version), &project.frames));
+    read.and_then(Result::ok).unwrap_or_default()
 }

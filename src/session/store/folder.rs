@@ -35,12 +35,21 @@ pub struct Written {
     pub seq: u64,
     /// The masks.
     pub masks: Runs,
-    /// `sparse/`: the cameras of these frames; `None` = not known.
-    pub sparse: Option<Arc<Vec<Frame>>>,
+    /// `sparse/`; `None` = not known.
+    pub sparse: Option<WrittenSparse>,
     /// Bytes of whole lines in `history.jsonl`.
     pub history_length: u64,
     /// Number of the last record in `history.jsonl`.
     pub history_seq: u64,
+}
+
+/// What `sparse/` was written from.
+#[derive(Debug, Clone)]
+pub struct WrittenSparse {
+    /// The frames whose cameras it holds.
+    pub frames: Arc<Vec<Frame>>,
+    /// The version of the points it holds.
+    pub version: Option<u64>,
 }
 
 /// A project as it was found in its folder.

@@ -19,8 +19,8 @@ pub(super) mod packed_runs;
 mod record;
 mod versions;
 
-pub use checkpoint::{Checkpoint, HISTORY_BYTES};
+pub use checkpoint::{Checkpoint, HISTORY_BYTES, load_sparse};
 pub(super) use durable::sync_folder;
 pub use folder::{Folder, Loaded, Written};
 pub use record::{Act, Record};
-pub use versions::{cloud_path, next as next_version, publish, version_in_force, votes_path};
+pub use versions::{cloud_path, next as next_version, publish, sparse_path, version_in_force, votes_path};

@@ -2,7 +2,10 @@ use glam::{DVec2, DVec3};
 use proptest::prelude::*;
 
 use super::{assert_near, frame, frames, pose, write};
-use crate::frames::cameras::{GivenCameras, SparsePoint, read_sparse_points, write_colmap_model};
+use crate::frames::cameras::{
+    GivenCameras, ModelEncoding, SparseKeypoint, SparsePoint, SparsePoints, read_sparse_model, read_sparse_points,
+    write_colmap_model,
+};
 use crate::frames::{Frame, FrameCamera};
 use crate::geometry::{Camera, Distortion};
 
@@ -32,21 +35,54 @@ fn with_cameras() -> Vec<Frame> {
     all
 }
 
+/// Two points; the first frames see them.
+fn sparse() -> SparsePoints {
+    let points = vec![
+        SparsePoint { position: DVec3::new(0.1, -2.0 / 3.0, 1e-9), color: [1, 2, 255], error_px: Some(0.1 + 0.2) },
+        SparsePoint { position: DVec3::new(4.0, 5.0, 6.0), color: [0, 0, 0], error_px: None },
+    ];
+    let keypoint = |x: f64, y: f64, point| SparseKeypoint { at_px: DVec2::new(x, y), point };
+    let keypoints = (0..4).map(|frame| {
+        let shift = frame as f64;
+        (frame, vec![keypoint(10.25 + shift, 20.5, Some(1)), keypoint(3.0, 4.0, None), keypoint(400.0, 300.0, Some(0))])
+    });
+    SparsePoints { points, keypoints: keypoints.chain([(4, Vec::new())]).collect() }
+}
+
 #[test]
 fn what_is_written_is_read_again() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut expected = with_cameras();
-    let points = [SparsePoint { position: DVec3::new(0.1, -2.0 / 3.0, 1e-9), color: [1, 2, 255] }];
-    write_colmap_model(&folder.path().join("sparse/0"), &expected, &points).unwrap();
-    assert_eq!(read_sparse_points(folder.path()).unwrap(), points);
+    for encoding in [ModelEncoding::Text, ModelEncoding::Binary] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut expected = with_cameras();
+        write_colmap_model(&folder.path().join("sparse/0"), &expected, &sparse(), encoding).unwrap();
+        assert_eq!(read_sparse_points(folder.path()).unwrap(), sparse().points);
 
-    let mut read: Vec<Frame> = expected.iter().map(|frame| Frame { camera: None, ..frame.clone() }).collect();
-    assert!(GivenCameras::read(folder.path()).unwrap().match_to(&mut read).unwrap().is_empty());
-    for (read, expected) in read.iter().zip(&mut expected) {
-        let (read, expected) = (read.camera.unwrap(), expected.camera.unwrap());
-        assert_eq!(read.intrinsics, expected.intrinsics);
-        assert_near(&read.camera_from_world.unwrap(), &expected.camera_from_world.unwrap());
+        let mut read: Vec<Frame> = expected.iter().map(|frame| Frame { camera: None, ..frame.clone() }).collect();
+        assert!(GivenCameras::read(folder.path()).unwrap().match_to(&mut read).unwrap().is_empty());
+        for (read, expected) in read.iter().zip(&mut expected) {
+            let (read, expected) = (read.camera.unwrap(), expected.camera.unwrap());
+            assert_eq!(read.intrinsics, expected.intrinsics);
+            assert_near(&read.camera_from_world.unwrap(), &expected.camera_from_world.unwrap());
+        }
     }
+}
+
+#[test]
+fn keypoints_are_read_again_where_they_are_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let frames = with_cameras();
+    write_colmap_model(folder.path(), &frames, &sparse(), ModelEncoding::Text).unwrap();
+    let read = read_sparse_model(folder.path(), &frames).unwrap();
+    assert_eq!(read.points, sparse().points);
+    for (frame, keypoints) in sparse().keypoints {
+        assert_eq!(read.keypoints[&frame], keypoints, "frame {frame}");
+    }
+    assert_eq!(read.tracks()[0], [(0, 2), (1, 2), (2, 2), (3, 2)]);
+    let text = std::fs::read_to_string(folder.path().join("points3D.txt")).unwrap();
+    assert!(text.contains("\n2 4 5 6 0 0 0 -1 1 0 2 0 3 0 4 0\n"), "{text}");
+    // The third frame is shown turned clockwise: stored (x, y) = (y shown, h stored − x shown).
+    let images = std::fs::read_to_string(folder.path().join("images.txt")).unwrap();
+    assert!(images.lines().nth(6).unwrap().starts_with("20.5 467.75 2 "), "{images}");
 }
 
 proptest! {
@@ -61,7 +97,7 @@ proptest! {
         let mut all = frames(&["x.png"]);
         all[0].camera = Some(FrameCamera { intrinsics, camera_from_world: Some(pose) });
         let folder = tempfile::tempdir().unwrap();
-        write_colmap_model(folder.path(), &all, &[]).unwrap();
+        write_colmap_model(folder.path(), &all, &SparsePoints::default(), ModelEncoding::Text).unwrap();
         let mut read = frames(&["x.png"]);
         GivenCameras::read(folder.path()).unwrap().match_to(&mut read).unwrap();
         prop_assert_eq!(&read, &all);
@@ -76,7 +112,7 @@ fn equal_cameras_are_written_once_and_frames_without_pose_left_out() {
     for (i, frame) in all.iter_mut().enumerate() {
         frame.camera = Some(FrameCamera { intrinsics, camera_from_world: (i < 2).then(|| pose(1)) });
     }
-    write_colmap_model(folder.path(), &all, &[]).unwrap();
+    write_colmap_model(folder.path(), &all, &SparsePoints::default(), ModelEncoding::Text).unwrap();
     let text = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
     assert_eq!(text("cameras.txt").lines().skip(1).collect::<Vec<_>>(), ["1 PINHOLE 640 480 500 500 320 240"]);
     assert!(text("images.txt").contains(" 1 1.png\n") && !text("images.txt").contains("2.png"));
@@ -124,7 +160,7 @@ fn a_binary_model_is_read() {
     assert_eq!(camera.distortion, Distortion::Radial { k: [0.01, 0.0] });
     assert_eq!(*found, pose(2));
     let points = read_sparse_points(folder.path()).unwrap();
-    assert_eq!(points, [SparsePoint { position: DVec3::new(1.0, 2.0, 3.0), color: [10, 20, 30] }]);
+    assert_eq!(points, [SparsePoint { position: DVec3::new(1.0, 2.0, 3.0), color: [10, 20, 30], error_px: Some(0.5) }]);
 }
 
 #[test]
