@@ -109,6 +109,8 @@ pub enum Action {
     Suggest,
     /// Makes cameras and depths.
     Reconstruct,
+    /// Gives the scene a unit by the ruler's length.
+    SetScale,
     /// Makes the labelled cloud.
     Fuse,
     /// Stops what runs.
@@ -125,6 +127,8 @@ pub enum Action {
     CompareBefore,
     /// Labels × frames below the picture, or not.
     ToggleTimeline,
+    /// The window of cameras and matches, or not.
+    ToggleMatches,
     /// Preview of a click on and off.
     ToggleHover,
     /// Outlines on and off.
@@ -327,6 +331,7 @@ const LIST: &[Row] = {
         A::ToggleOutlines, VIEW, false, "Show outlines", "Draws a line around every label", plain(Key::O);
         A::CompareBefore, VIEW, false, "Compare with before", "Shows this frame's masks before the last step that changed them, and back", plain(Key::F4);
         A::ToggleTimeline, VIEW, false, "Show timeline", "Shows or hides the grid of labels and frames above the filmstrip", plain(Key::F2);
+        A::ToggleMatches, VIEW, false, "Cameras and matches", "Shows what the cameras were found with: matches between two frames, errors, and why frames have no camera", plain(Key::F6);
         A::ToggleHover, VIEW, false, "Preview a click", "Shows lightly what a click would give where the pointer rests", plain(Key::F3);
         A::FrameCloud, VIEW, true, "Show whole cloud", "Brings the whole cloud into the 3-D view", plain(Key::A);
         A::LookThrough, VIEW, false, "Look through this frame's camera", "Puts the 3-D view where this frame was taken", plain(Key::L);
@@ -344,6 +349,7 @@ const LIST: &[Row] = {
         A::Retrack, RUN, false, "Re-track this label around this frame", "Carries the chosen label anew up to the anchors next to this one; other labels stay", shift(Key::T);
         A::Suggest, RUN, false, "Look for unlabelled objects", "Offers areas without a label that move or stand apart", ctrl(Key::L);
         A::Reconstruct, RUN, true, "Reconstruct", "Makes cameras and depths with the settings of the Reconstruct panel", plain(Key::R);
+        A::SetScale, RUN, false, "Set scale by ruler", "Makes cameras and points larger or smaller until the ruler's two points are as far apart as they really are", None;
         A::Fuse, RUN, false, "Fuse", "Makes the labelled cloud: every point takes the label most views vote for", plain(Key::U);
         A::Stop, RUN, true, "Stop", "Stops what is running; what is finished is kept", None;
         A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke, polygon or thin structure; otherwise stops what is running", plain(Key::Escape);

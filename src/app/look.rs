@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use crate::masks::RunMask;
 use crate::scene::LabelledCloud;
-use crate::session::{Engine, EngineKind, Estimate, JobView, Pictures, Project, Suggestion};
+use crate::session::{Engine, EngineKind, Estimate, JobView, Pictures, Project, SparseModel, Suggestion};
 
 /// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
 #[derive(Clone, Copy)]
@@ -14,6 +14,8 @@ pub struct Look<'a> {
     pub root: Option<&'a Path>,
     /// The labelled cloud: the project's, or the PLY that is inspected.
     pub cloud: Option<&'a Arc<LabelledCloud>>,
+    /// What the cameras were found with, where that was structure from motion.
+    pub sparse: Option<&'a Arc<SparseModel>>,
     /// The PLY that is inspected alone.
     pub inspected: Option<&'a Path>,
     /// Pictures and thumbnails.
@@ -45,6 +47,12 @@ impl Look<'_> {
     #[must_use]
     pub fn has_frames(&self) -> bool {
         !self.project.frames.is_empty()
+    }
+
+    /// The points of the 3-D view: the labelled cloud, else those that the cameras were found with.
+    #[must_use]
+    pub fn points(&self) -> Option<&Arc<LabelledCloud>> {
+        self.cloud.or(self.sparse.map(|sparse| &sparse.cloud))
     }
 
     /// The job of this title, where one runs.

@@ -2,7 +2,7 @@ use egui::{Context, ThemePreference, ViewportCommand};
 
 use super::canvas::{clear_label, click_at};
 use super::menu::is_possible;
-use super::panels::{add_label, listed};
+use super::panels::{Ruler, add_label, listed};
 use super::ranges::{is_range_change, next_doubtful, range_request, set_range, split_at};
 use super::view_state::{IntoWish, PathWish, SceneWish};
 use super::{Action, Dialog, Look, Panes, ViewState};
@@ -53,6 +53,10 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::Retrack => out.extend(view.retracking(look).map(Command::Track)),
         Action::Suggest => out.push(Command::Suggest),
         Action::Reconstruct => out.push(Command::Reconstruct(view.reconstruct.clone())),
+        Action::SetScale => {
+            out.extend(view.ruler.command());
+            view.ruler = Ruler::default();
+        }
         Action::Fuse => out.push(Command::Fuse(view.fuse.clone())),
         Action::Stop => out.push(Command::Stop),
         Action::Cancel => cancel(look, view, out),
@@ -103,6 +107,7 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         Action::ToggleMasks => view.masks_shown = !view.masks_shown,
         Action::CompareBefore => view.compare = !view.compare,
         Action::ToggleTimeline => view.prefs.timeline = !view.prefs.timeline,
+        Action::ToggleMatches => view.matches.open = !view.matches.open,
         Action::ToggleHover => view.prefs.hover_preview = !view.prefs.hover_preview,
         Action::ToggleOutlines => view.prefs.outlines = !view.prefs.outlines,
         Action::ShowBoth => view.prefs.panes = Panes::Both,

@@ -5,8 +5,8 @@ use super::dialogs::{export_ui, into_ui, new_project_ui, palette_ui, path_ui, sh
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
-    HEAT_HEIGHT, ScenePane, cloud_labels_ui, filmstrip_ui, fuse_ui, heat_ui, jobs_ui, labels_ui, reconstruct_ui,
-    results_ui, segmenter_ui, status_ui, suggestions_ui, timeline_ui, track_ui, welcome_ui,
+    HEAT_HEIGHT, ScenePane, cloud_labels_ui, filmstrip_ui, fuse_ui, heat_ui, jobs_ui, labels_ui, matches_ui,
+    reconstruct_ui, results_ui, segmenter_ui, status_ui, suggestions_ui, timeline_ui, track_ui, welcome_ui,
 };
 use super::perform::perform;
 use super::textures::Textures;
@@ -54,6 +54,9 @@ impl Shell {
             self.panes_ui(ui, look, &mut out, &mut wishes);
         });
         self.dialogs_ui(ui, look, &mut out, &mut wishes);
+        if self.view.matches.open && look.has_frames() {
+            matches_ui(ui, look, &mut self.view, &mut self.textures);
+        }
         notices_ui(ui, &mut self.view.notices);
         for action in wishes {
             perform(action, ui.ctx(), look, &mut self.view, &mut out);
@@ -114,7 +117,8 @@ impl Shell {
 
     /// Picture and 3-D view, or what to do first.
     fn panes_ui(&mut self, ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
-        let has_scene = look.cloud.is_some() || look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
+        let has_scene =
+            look.points().is_some() || look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
         match (look.has_frames(), look.inspected.is_some()) {
             (false, false) => return welcome_ui(ui, look, &self.view, out, wishes),
             (false, true) => return self.scene.ui(ui, look, &mut self.view, wishes),

@@ -11,12 +11,15 @@ use crate::view::{OverlayStyle, overlay};
 /// Textures of pictures, thumbnails and masks; each is made anew only when what it shows changed.
 #[derive(Default)]
 pub(super) struct Textures {
-    picture: Option<(Arc<Image>, TextureHandle)>,
+    picture: Option<Picture>,
+    pair: [Option<Picture>; 2],
     mask: Option<MaskTexture>,
     hovered: Option<MaskTexture>,
     thumbnails: BTreeMap<usize, Thumbnail>,
     clock: u64,
 }
+
+type Picture = (Arc<Image>, TextureHandle);
 
 struct MaskTexture {
     runs: Arc<RunMask>,
@@ -53,18 +56,12 @@ impl Textures {
 
     /// The texture of the picture shown.
     pub fn picture(&mut self, ctx: &Context, image: &Arc<Image>) -> TextureHandle {
-        match &self.picture {
-            Some((shown, texture)) if Arc::ptr_eq(shown, image) => texture.clone(),
-            _ => {
-                let texture = ctx.load_texture(
-                    "picture",
-                    fitted(ctx, image.width, image.height, |i| opaque(image.pixels[i])),
-                    PIXELS,
-                );
-                self.picture = Some((Arc::clone(image), texture.clone()));
-                texture
-            }
-        }
+        picture_texture(&mut self.picture, ctx, image)
+    }
+
+    /// The texture of one of two pictures that are shown beside each other.
+    pub fn of_pair(&mut self, ctx: &Context, place: usize, image: &Arc<Image>) -> TextureHandle {
+        picture_texture(&mut self.pair[place], ctx, image)
     }
 
     /// The texture of the mask over the picture.
@@ -108,6 +105,19 @@ impl Textures {
             self.thumbnails.remove(&oldest);
         }
     }
+}
+
+/// The texture kept, made anew where it shows another picture.
+fn picture_texture(kept: &mut Option<Picture>, ctx: &Context, image: &Arc<Image>) -> TextureHandle {
+    if let Some((shown, texture)) = kept
+        && Arc::ptr_eq(shown, image)
+    {
+        return texture.clone();
+    }
+    let pixels = fitted(ctx, image.width, image.height, |i| opaque(image.pixels[i]));
+    let texture = ctx.load_texture("picture", pixels, PIXELS);
+    *kept = Some((Arc::clone(image), texture.clone()));
+    texture
 }
 
 /// The texture kept, made anew where it shows something else.

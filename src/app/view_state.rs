@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use super::canvas::{Draft, Rest, Tool, ZoomState};
 use super::dialogs::{ExportForm, NewProjectForm, PathPicker, SheetState};
-use super::panels::{LabelEditing, PointCounts};
+use super::panels::{LabelEditing, MatchView, PointCounts, Ruler};
 use super::presence::Presence;
 use super::{Look, Notices, Prefs};
 use crate::masks::{Direction, LabelId};
-use crate::session::{FuseRequest, PromptRequest, ReconstructMethod, ReconstructRequest, TrackSettings};
+use crate::session::{FuseRequest, PromptRequest, ReconstructRequest, TrackSettings};
 use crate::view::Coloring;
 
 /// All that belongs to looking and not to the project: the frame shown, the tool, the eye. Never saved with a project.
@@ -78,6 +78,10 @@ pub struct ViewState {
     pub reveal_frame: bool,
     /// Asks the 3-D view to do something once.
     pub scene_wish: Option<SceneWish>,
+    /// A known length in the 3-D view.
+    pub ruler: Ruler,
+    /// The window of cameras and matches.
+    pub matches: MatchView,
     /// Where the pointer rests over the picture.
     pub rest: Option<Rest>,
     /// The prompt that a click there would send, to be previewed.
@@ -172,7 +176,7 @@ impl ViewState {
             compare: false,
             range_from: None,
             track: TrackSettings::default(),
-            reconstruct: ReconstructRequest { method: ReconstructMethod::Auto, every: 1, device: "auto".into() },
+            reconstruct: ReconstructRequest::default(),
             fuse: FuseRequest::default(),
             dialog: None,
             new_project: NewProjectForm::default(),
@@ -189,6 +193,8 @@ impl ViewState {
             note: String::new(),
             reveal_frame: true,
             scene_wish: None,
+            ruler: Ruler::default(),
+            matches: MatchView::default(),
             rest: None,
             hover_wish: None,
             pointer_px: None,

@@ -112,6 +112,7 @@ impl Window {
             project,
             root: self.session.root(),
             cloud: self.session.cloud(),
+            sparse: self.session.sparse(),
             inspected: self.session.inspected(),
             pictures: self.pictures.as_ref(),
             hovered: self.session.hovered(),
@@ -179,7 +180,7 @@ impl Window {
                 self.shell.view.notices.tell(Severity::Warning, text);
             }
             Event::Changed => self.estimate_due = true,
-            Event::Started { .. } | Event::CloudChanged => {}
+            Event::Started { .. } | Event::CloudChanged | Event::SparseChanged => {}
         }
     }
 

@@ -1,6 +1,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use glam::DVec2;
 
 use super::eval_args::EvalVerb;
 use super::mask_args::{GroundArgs, MasksArgs, PromptArgs, TidyArgs, TraceArgs};
@@ -47,6 +48,8 @@ pub(super) enum Verb {
     },
     /// Make cameras and depths.
     Reconstruct(ReconstructArgs),
+    /// Give the scene a unit by a known length, e.g. of a ruler.
+    Scale(ScaleArgs),
     /// Make the labelled cloud by a vote of all views.
     Fuse(FuseArgs),
     /// Write results to files.
@@ -226,8 +229,8 @@ pub(super) struct ReconstructArgs {
     #[arg(long, default_value = "auto", value_parser = ["auto", "cpu", "gpu"])]
     pub device: String,
     /// Longer sides are worked on at this size.
-    #[arg(long, value_name = "PX", value_parser = values::from_one)]
-    pub max_side: Option<usize>,
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..))]
+    pub max_side: Option<u32>,
     /// Only where masks have a label.
     #[arg(long)]
     pub only_labelled: bool,
@@ -237,9 +240,27 @@ pub(super) struct ReconstructArgs {
     /// Feature matcher.
     #[arg(long, default_value = "auto", value_parser = ["auto", "nearest", "lighterglue", "superglue"])]
     pub matcher: String,
+    /// Match these two frames besides those that are chosen.
+    #[arg(long, value_name = "K,K", value_parser = values::frame_pair)]
+    pub pair: Vec<[usize; 2]>,
     /// Registration of fragments.
     #[arg(long, default_value = "auto", value_parser = ["auto", "fgr", "ransac"])]
     pub registration: String,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ScaleArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// The known length, in the unit that the scene shall have.
+    #[arg(long, value_name = "L", value_parser = values::positive)]
+    pub length: f64,
+    /// Where a frame sees the one end: frame, x, y; for two frames or more.
+    #[arg(long, value_name = "K,X,Y", value_parser = values::sighting, required = true)]
+    pub from: Vec<(usize, DVec2)>,
+    /// Where a frame sees the other end.
+    #[arg(long, value_name = "K,X,Y", value_parser = values::sighting, required = true)]
+    pub to: Vec<(usize, DVec2)>,
 }
 
 #[derive(Debug, Args)]
@@ -279,6 +300,9 @@ pub(super) struct ExportArgs {
     /// The COLMAP model in its binary encoding.
     #[arg(long, requires = "cameras")]
     pub binary: bool,
+    /// Pictures and masks without lens distortion, with a COLMAP model of their cameras.
+    #[arg(long, value_name = "DIR")]
+    pub undistorted: Option<PathBuf>,
     /// Palette PNGs and labels.json.
     #[arg(long, value_name = "DIR")]
     pub masks: Option<PathBuf>,

@@ -13,6 +13,7 @@ mod eval_args;
 mod info;
 mod mask_args;
 mod masks;
+mod models;
 mod print;
 mod project;
 mod range;

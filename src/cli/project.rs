@@ -1,11 +1,12 @@
 use anyhow::{Context, Result, bail};
 
-use super::args::{ExportArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, TrackArgs, Way};
+use super::args::{ExportArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, ScaleArgs, TrackArgs, Way};
 use super::drive::Driver;
 use crate::frames::cameras::ModelEncoding;
 use crate::masks::{Direction, LabelId};
 use crate::session::{
-    Command, ExportRequest, FuseRequest, Project, ReconstructMethod, ReconstructRequest, TrackSettings,
+    Command, ExportRequest, FuseRequest, Project, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest,
+    TrackSettings,
 };
 
 pub(super) fn label(args: LabelArgs) -> Result<()> {
@@ -49,15 +50,8 @@ pub(super) fn label_id(project: &Project, name: &str) -> Result<LabelId> {
 }
 
 pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {
-    let of_later_engines = [
-        ("max-side", args.max_side.is_some()),
-        ("only-labelled", args.only_labelled),
-        ("features", args.features != "auto"),
-        ("matcher", args.matcher != "auto"),
-        ("registration", args.registration != "auto"),
-    ];
-    if let Some((option, _)) = of_later_engines.iter().find(|(_, given)| *given) {
-        bail!("--{option} belongs to an engine that this version does not have yet; leave it out");
+    if args.registration != "auto" {
+        bail!("--registration belongs to an engine that this version does not have yet; leave it out");
     }
     let method = match args.method {
         Method::Auto => ReconstructMethod::Auto,
@@ -65,8 +59,22 @@ pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {
         Method::Mvs => ReconstructMethod::Mvs,
         Method::Rgbd => ReconstructMethod::Rgbd,
     };
-    let request = ReconstructRequest { method, every: args.every, device: args.device };
+    let request = ReconstructRequest {
+        method,
+        every: args.every,
+        device: args.device,
+        features: args.features,
+        matcher: args.matcher,
+        max_side: args.max_side,
+        only_labelled: args.only_labelled,
+        pairs: args.pair,
+    };
     Driver::open(&args.project)?.act_and_save([Command::Reconstruct(request)])
+}
+
+pub(super) fn scale(args: ScaleArgs) -> Result<()> {
+    let ends = [ScaleEnd::Seen(args.from), ScaleEnd::Seen(args.to)];
+    Driver::open(&args.project)?.act_and_save([Command::Scale(ScaleRequest { ends, length: args.length })])
 }
 
 pub(super) fn fuse(args: FuseArgs) -> Result<()> {
@@ -86,6 +94,7 @@ pub(super) fn export(args: ExportArgs) -> Result<()> {
         voxels: args.voxels,
         cameras: args.cameras,
         camera_encoding: if args.binary { ModelEncoding::Binary } else { ModelEncoding::Text },
+        undistorted: args.undistorted,
         masks: args.masks,
         depths: args.depths,
         traits: args.traits,

@@ -1,13 +1,13 @@
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
 
-use super::args::{Cli, ModelsVerb, Verb};
+use super::args::{Cli, Verb};
 use super::drive::{Driver, Interrupted};
 use super::print::say;
-use super::{demo, eval, info, masks, project, range, shot, sources};
+use super::{demo, eval, info, masks, models, project, range, shot, sources};
 use crate::session::{Command, Recipe};
 
 /// The program: reads the words, does the job, gives the exit code (0 done, 1 failed, 2 usage, 130 stopped).
@@ -49,12 +49,13 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Verb::Range(args) => range::range(&args),
         Verb::Suggest { project } => suggest(&project),
         Verb::Reconstruct(args) => project::reconstruct(args),
+        Verb::Scale(args) => project::scale(args),
         Verb::Fuse(args) => project::fuse(args),
         Verb::Export(args) => project::export(args),
         Verb::Shot(args) => shot::shot(&args),
         Verb::Info(args) => info::info(&args),
         Verb::Eval(verb) => eval::eval(verb),
-        Verb::Models(verb) => models(&verb),
+        Verb::Models(verb) => models::models(&verb),
         Verb::Run { recipe } => run_recipe(&recipe),
     }
 }
@@ -72,17 +73,6 @@ fn run_recipe(path: &Path) -> Result<()> {
         bail!("{}: the recipe has format {}, this program knows 1; get a newer ostra", path.display(), recipe.format);
     }
     Driver::new().act_and_save(recipe.commands)
-}
-
-fn models(verb: &ModelsVerb) -> Result<()> {
-    let asked: PathBuf = match verb {
-        ModelsVerb::List => "the list".into(),
-        ModelsVerb::Install { name } | ModelsVerb::Add { name, .. } | ModelsVerb::Check { name } => name.into(),
-    };
-    bail!(
-        "{}: networks need the ONNX Runtime engine, which this version does not have yet; use the built-in segmenter and the geometry tracker",
-        asked.display()
-    )
 }
 
 fn suggest(project: &Path) -> Result<()> {

@@ -71,6 +71,18 @@ pub(super) fn from_one(text: &str) -> Result<usize, String> {
     }
 }
 
+/// `K,K`: two different frames.
+pub(super) fn frame_pair(text: &str) -> Result<[usize; 2], String> {
+    let parsed = text.split_once(',').and_then(|(a, b)| Some([a.trim().parse().ok()?, b.trim().parse().ok()?]));
+    parsed.filter(|[a, b]| a != b).ok_or_else(|| "two different frame numbers are needed, e.g. 3,17".into())
+}
+
+/// `K,X,Y`: a frame and a pixel on it.
+pub(super) fn sighting(text: &str) -> Result<(usize, DVec2), String> {
+    let parsed = text.split_once(',').and_then(|(frame, at)| Some((frame.trim().parse().ok()?, point(at).ok()?)));
+    parsed.ok_or_else(|| "a frame number and a pixel are needed, e.g. 12,640.5,360".into())
+}
+
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let fail = || format!("{N} numbers separated by commas are needed, without spaces");
     let values: Vec<f64> = text
@@ -94,6 +106,10 @@ mod tests {
         assert!(color("#fff").is_err() && color("red").is_err());
         assert_eq!(size("480x640").unwrap(), (480, 640));
         assert!(size("480").is_err() && size("0x9").is_err());
+        assert_eq!(frame_pair("3,17").unwrap(), [3, 17]);
+        assert_eq!(sighting("12,3.5,4").unwrap(), (12, DVec2::new(3.5, 4.0)));
+        assert!(sighting("3.5,4").is_err() && sighting("1,2").is_err());
+        assert!(frame_pair("3").is_err() && frame_pair("3,3").is_err() && frame_pair("3,-1").is_err());
         assert!(from_zero("0").is_ok() && from_zero("-1").is_err() && from_zero("inf").is_err());
         assert!(
             intrinsics("0,1,2,3").is_err()

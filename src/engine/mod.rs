@@ -3,3 +3,4 @@
 //! May use: std. Must not touch: any domain word.
 
 pub mod job;
+pub mod nn;

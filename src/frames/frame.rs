@@ -80,6 +80,17 @@ pub struct FrameCamera {
     pub intrinsics: Camera,
     /// `None` while only the intrinsics are known.
     pub camera_from_world: Option<Pose>,
+    /// The intrinsics were estimated with the pose, not given: another reconstruction estimates them anew.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub estimated: bool,
+}
+
+impl FrameCamera {
+    /// A camera that is given.
+    #[must_use]
+    pub fn given(intrinsics: Camera, camera_from_world: Option<Pose>) -> Self {
+        Self { intrinsics, camera_from_world, estimated: false }
+    }
 }
 
 /// One picture of the sequence, with what is known of it. Pixels are loaded through [`super::FrameStore`].

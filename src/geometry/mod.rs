@@ -1,19 +1,32 @@
-//! Cameras, poses, alignment: same input + seed → same output.
+//! Cameras, poses, alignment, two views, triangulation, bundle adjustment: same input + seed → same output.
 //!
-//! May use: nalgebra, glam. Must not touch: pixels' values, files, threads of its own, clocks, logging.
+//! May use: nalgebra, glam, rand; `bundle` rayon's pool, with the same result for any number of threads. Must not touch:
+//! pixels' values, files, threads of its own, clocks, logging.
 
+mod absolute_pose;
 mod align;
+pub mod bundle;
 mod camera;
 mod distortion;
+mod epipolar;
 mod error;
 mod pose;
+pub mod ransac;
+pub mod solvers;
 mod trajectory;
+mod triangulate;
 mod turn;
+mod two_view;
 
+pub use absolute_pose::{
+    AbsolutePose, AbsolutePoseOptions, estimate_absolute_pose, estimate_absolute_pose_and_focal, refine_absolute_pose,
+};
 pub use align::{Alignment, Similarity};
 pub use camera::Camera;
 pub use distortion::Distortion;
 pub use error::GeometryError;
 pub use pose::Pose;
 pub use trajectory::{ErrorStatistics, TrajectoryError};
+pub use triangulate::{Sighting, Triangulated, TriangulationOptions, largest_angle, triangulate, triangulate_robust};
 pub use turn::Turn;
+pub use two_view::{TwoView, TwoViewKind, TwoViewOptions, estimate_two_view};

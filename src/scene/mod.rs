@@ -11,6 +11,7 @@ pub mod measure;
 pub mod ply;
 pub mod points;
 pub mod score;
+pub mod sfm;
 pub mod synthetic;
 
 pub use carry::{CarryOptions, GeometryTracker};

@@ -43,6 +43,7 @@ impl Session {
             Command::Track(settings) => self.track(settings).map(Some),
             Command::Suggest => self.suggest().map(Some),
             Command::Reconstruct(request) => self.reconstruct(request).map(Some),
+            Command::Scale(request) => self.scale(request).map(Some),
             Command::Fuse(request) => self.fuse(request).map(Some),
             Command::Export(request) => self.export(request).map(Some),
             Command::Undo => self.undo().map(|()| None),

@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::frames::cameras::ModelEncoding;
@@ -80,6 +80,8 @@ pub enum Command {
     Suggest,
     /// Makes cameras and depths.
     Reconstruct(ReconstructRequest),
+    /// Gives cameras and points a unit by a known length.
+    Scale(ScaleRequest),
     /// Makes the labelled cloud.
     Fuse(FuseRequest),
     /// Writes results to files.
@@ -299,10 +301,63 @@ pub enum ReconstructMethod {
 pub struct ReconstructRequest {
     /// Method.
     pub method: ReconstructMethod,
-    /// Every n-th frame takes part.
+    /// Every n-th frame makes the reconstruction; the cameras of those between are placed in it.
     pub every: usize,
     /// `auto`, `cpu` or `gpu`.
     pub device: String,
+    /// `auto`, `sift`, `xfeat` or `superpoint`.
+    #[serde(default = "auto")]
+    pub features: String,
+    /// `auto`, `nearest`, `lighterglue` or `superglue`.
+    #[serde(default = "auto")]
+    pub matcher: String,
+    /// Longer sides are worked on at this many pixels; none = as large as the engine takes.
+    #[serde(default)]
+    pub max_side: Option<u32>,
+    /// Only pixels with a label take part.
+    #[serde(default)]
+    pub only_labelled: bool,
+    /// Pairs of frames that are matched besides those that are chosen.
+    #[serde(default)]
+    pub pairs: Vec<[usize; 2]>,
+}
+
+impl Default for ReconstructRequest {
+    fn default() -> Self {
+        Self {
+            method: ReconstructMethod::Auto,
+            every: 1,
+            device: auto(),
+            features: auto(),
+            matcher: auto(),
+            max_side: None,
+            only_labelled: false,
+            pairs: Vec::new(),
+        }
+    }
+}
+
+fn auto() -> String {
+    "auto".into()
+}
+
+/// A length that is known in the scene: a ruler, a marker, the distance of two points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ScaleRequest {
+    /// Its two ends.
+    pub ends: [ScaleEnd; 2],
+    /// How far they are apart, in the unit that the scene shall have.
+    pub length: f64,
+}
+
+/// One end of a known length.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ScaleEnd {
+    /// A point in world units as they are.
+    World(DVec3),
+    /// Where two frames or more see it: frame number and pixel.
+    Seen(Vec<(usize, DVec2)>),
 }
 
 /// How to make the labelled cloud.
@@ -340,6 +395,9 @@ pub struct ExportRequest {
     /// Text or binary.
     #[serde(default)]
     pub camera_encoding: ModelEncoding,
+    /// Pictures and masks without lens distortion, with their cameras.
+    #[serde(default)]
+    pub undistorted: Option<PathBuf>,
     /// Palette PNGs and `labels.json`.
     #[serde(default)]
     pub masks: Option<PathBuf>,

@@ -3,10 +3,14 @@ use std::sync::Arc;
 use anyhow::{Result, bail, ensure};
 
 use super::{Project, TrackSettings};
+use crate::engine::nn::{Catalogue, Runtime, models_folder};
 use crate::masks::builtin::BuiltinSegmenter;
 use crate::masks::flow::FlowTracker;
 use crate::masks::{Segmenter, Tracker};
 use crate::scene::GeometryTracker;
+use crate::scene::sfm::matching::NearestMatcher;
+use crate::scene::sfm::onnx::{LighterGlue, LighterGlueOptions, XFeat, XFeatOptions};
+use crate::scene::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
 
 /// What an engine is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -15,6 +19,21 @@ pub enum EngineKind {
     Segmenter,
     /// Carries masks through the sequence.
     Tracker,
+    /// Finds keypoints in pictures.
+    Features,
+    /// Matches keypoints of two pictures.
+    Matcher,
+}
+
+impl EngineKind {
+    fn noun(self) -> &'static str {
+        match self {
+            Self::Segmenter => "segmenter",
+            Self::Tracker => "tracker",
+            Self::Features => "feature extractor",
+            Self::Matcher => "matcher",
+        }
+    }
 }
 
 /// A segmenter or tracker as lists show it.
@@ -33,9 +52,12 @@ pub struct Engine {
 /// Every engine that the command line names, `auto` first within its kind.
 #[must_use]
 pub fn engines() -> Vec<Engine> {
-    const WEIGHTS: &str = "network weights, which this version cannot load yet; use 'builtin', 'geometry' or 'flow'";
+    const WEIGHTS: &str = "network weights, which this version cannot load yet; use what needs none";
+    const LIGHTERGLUE: &str = "features of xfeat, its network and ONNX Runtime; add both with 'ostra models add'";
     let segmenter = |name, installed, needs| Engine { kind: EngineKind::Segmenter, name, installed, needs };
     let tracker = |name, installed, needs| Engine { kind: EngineKind::Tracker, name, installed, needs };
+    let features = |name, installed, needs| Engine { kind: EngineKind::Features, name, installed, needs };
+    let matcher = |name, installed, needs| Engine { kind: EngineKind::Matcher, name, installed, needs };
     vec![
         segmenter("auto", true, "nothing; takes the best that is installed"),
         segmenter("sam", false, WEIGHTS),
@@ -45,6 +67,14 @@ pub fn engines() -> Vec<Engine> {
         tracker("deaot", false, WEIGHTS),
         tracker("geometry", true, "depth and cameras of the frames"),
         tracker("flow", true, "nothing"),
+        features("auto", true, "nothing; takes sift, the most accurate"),
+        features("sift", true, "nothing"),
+        features("xfeat", is_usable("xfeat"), "its network and ONNX Runtime; add both with 'ostra models add'"),
+        features("superpoint", false, WEIGHTS),
+        matcher("auto", true, "what the matcher it takes needs"),
+        matcher("nearest", true, "nothing"),
+        matcher("lighterglue", is_usable("lighterglue"), LIGHTERGLUE),
+        matcher("superglue", false, WEIGHTS),
     ]
 }
 
@@ -56,7 +86,7 @@ pub(super) fn check_installed(kind: EngineKind, name: &str) -> Result<()> {
         Some(engine) if engine.installed => Ok(()),
         Some(engine) => bail!("'{name}' is not installed: it needs {}", engine.needs),
         None => {
-            let what = if kind == EngineKind::Segmenter { "segmenter" } else { "tracker" };
+            let what = kind.noun();
             let names = of_kind.by_ref().map(|engine| engine.name).collect::<Vec<_>>().join(", ");
             bail!("there is no {what} '{name}'; choose one of {names}")
         }
@@ -85,4 +115,41 @@ pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box
             Ok(Box::new(GeometryTracker::default()))
         }
     }
+}
+
+/// The feature extractor of this name; longer sides than `max_side` pixels are worked on at that size. `auto` is SIFT,
+/// the most accurate.
+pub(super) fn extractor(name: &str, max_side: Option<u32>) -> Result<Box<dyn FeatureExtractor>> {
+    check_installed(EngineKind::Features, name)?;
+    if name == "xfeat" {
+        let standard = XFeatOptions::default();
+        let max_side = max_side.map_or(standard.max_side, |side| side as usize);
+        return Ok(Box::new(XFeat::load(&models_folder()?, XFeatOptions { max_side, ..standard })?));
+    }
+    let standard = SiftOptions::default();
+    Ok(Box::new(Sift { options: SiftOptions { max_side: max_side.unwrap_or(standard.max_side), ..standard } }))
+}
+
+/// The matcher of this name for features of an extractor; `auto` is the network made for them where it is installed.
+pub(super) fn matcher(name: &str, features: &str) -> Result<Box<dyn FeatureMatcher>> {
+    check_installed(EngineKind::Matcher, name)?;
+    let learned = features == "xfeat";
+    let network = match name {
+        "auto" => learned && is_usable("lighterglue"),
+        name => name == "lighterglue",
+    };
+    if network {
+        ensure!(learned, "'lighterglue' matches features of xfeat; choose --features xfeat");
+        return Ok(Box::new(LighterGlue::load(&models_folder()?, LighterGlueOptions::default())?));
+    }
+    Ok(Box::new(if learned { NearestMatcher::for_floats() } else { NearestMatcher::for_bytes() }))
+}
+
+/// Whether a network is installed, and with it what runs it.
+fn is_usable(network: &str) -> bool {
+    let installed = || {
+        let (catalogue, folder) = (Catalogue::bundled().ok()?, models_folder().ok()?);
+        catalogue.entry(network).ok()?.installed(&folder)
+    };
+    installed().is_some() && Runtime::find().is_ok()
 }

@@ -18,6 +18,7 @@ mod history;
 mod hover;
 mod jobs;
 mod marks;
+mod models;
 mod open_project;
 mod pictures;
 mod prepared;
@@ -25,15 +26,17 @@ mod project;
 mod recent;
 #[expect(clippy::module_inception, reason = "the noun lives in a file of its name")]
 mod session;
+mod sparse;
 mod stale;
 pub mod store;
 mod suggestion;
 #[cfg(test)]
 mod tests;
 
+pub use crate::engine::nn::{Added, CheckedFile, Proof, Row};
 pub use command::{
     Command, ExportRequest, FuseRequest, NewProject, PaintRequest, PromptRequest, RangeChange, RangeRequest, Recipe,
-    ReconstructMethod, ReconstructRequest, TidyRequest, TraceRequest, TrackSettings,
+    ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest, TidyRequest, TraceRequest, TrackSettings,
 };
 pub use edit::Edit;
 pub use engines::{Engine, EngineKind, engines};
@@ -41,9 +44,11 @@ pub use estimate::Estimate;
 pub use event::{Event, JobId, JobView};
 pub use history::{Change, History, Step};
 pub use marks::Marks;
+pub use models::{add_model, check_model, list_models};
 pub use open_project::OpenProject;
 pub use pictures::Pictures;
 pub use project::{FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
 pub use recent::Recent;
 pub use session::Session;
+pub use sparse::SparseModel;
 pub use suggestion::Suggestion;

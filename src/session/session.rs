@@ -10,6 +10,7 @@ use super::commands::TrackRun;
 use super::hover::Hover;
 use super::jobs::{Job, Jobs, Kind, Landing};
 use super::prepared::PreparedFrames;
+use super::sparse::SparseSlot;
 use super::{Command, Edit, Event, JobId, JobView, OpenProject, Project, Recipe, Suggestion};
 use crate::frames::FrameStore;
 use crate::masks::RunMask;
@@ -33,6 +34,7 @@ pub struct Session {
     pub(super) events: Vec<Event>,
     pub(super) recipe: Recipe,
     pub(super) cloud: CloudSlot,
+    pub(super) sparse: SparseSlot,
     pub(super) track: Option<TrackRun>,
     pub(super) prepared: Arc<PreparedFrames>,
     /// Name of the frame that was last asked to be made ready.
@@ -65,6 +67,7 @@ impl Session {
             events: Vec::new(),
             recipe: Recipe { format: 1, commands: Vec::new() },
             cloud: CloudSlot::default(),
+            sparse: SparseSlot::default(),
             track: None,
             prepared: Arc::new(PreparedFrames::new(PREPARED_BYTES)),
             preparing: None,
@@ -157,6 +160,7 @@ impl Session {
             self.take_result(job, result);
         }
         self.load_wanted_cloud();
+        self.load_wanted_sparse();
         self.checkpoint_if_due();
         std::mem::take(&mut self.events)
     }

@@ -13,7 +13,9 @@ use ostra::frames::{Frame, FrameCamera, Image, Orientation, PictureSource};
 use ostra::geometry::{Camera, Pose};
 use ostra::masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
 use ostra::scene::LabelledCloud;
-use ostra::session::{Command, Engine, FrameMask, JobView, MaskOrigin, Pictures, Project, Suggestion, engines};
+use ostra::session::{
+    Command, Engine, FrameMask, JobView, MaskOrigin, Pictures, Project, SparseModel, Suggestion, engines,
+};
 
 pub const WIDTH: u32 = 64;
 pub const HEIGHT: u32 = 48;
@@ -24,6 +26,7 @@ pub struct Desk {
     pub project: Project,
     pub root: Option<PathBuf>,
     pub cloud: Option<Arc<LabelledCloud>>,
+    pub sparse: Option<Arc<SparseModel>>,
     pub inspected: Option<PathBuf>,
     pub pictures: Pictures,
     pub hovered: Option<Arc<RunMask>>,
@@ -44,6 +47,7 @@ impl Desk {
             project: Project::default(),
             root: None,
             cloud: None,
+            sparse: None,
             inspected: None,
             pictures: Pictures::new(|frame| Ok(Arc::new(picture(frame))), || {}),
             hovered: None,
@@ -73,6 +77,7 @@ impl Desk {
             project: &self.project,
             root: self.root.as_deref(),
             cloud: self.cloud.as_ref(),
+            sparse: self.sparse.as_ref(),
             inspected: self.inspected.as_deref(),
             pictures: Some(&self.pictures),
             hovered: self.hovered.as_ref(),
@@ -173,7 +178,7 @@ fn project() -> Project {
             height: HEIGHT,
             picture: PictureSource::File { path: format!("/{number:03}.png").into(), orientation: Orientation(1) },
             depth: None,
-            camera: Some(FrameCamera { intrinsics: camera, camera_from_world }),
+            camera: Some(FrameCamera::given(camera, camera_from_world)),
         }
     };
     let masks = BTreeMap::from([

@@ -16,6 +16,8 @@ mod gallery;
 #[cfg(test)]
 mod keys;
 #[cfg(test)]
+mod matches;
+#[cfg(test)]
 mod panels;
 #[cfg(test)]
 mod story;

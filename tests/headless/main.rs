@@ -33,6 +33,8 @@ mod ranges;
 #[cfg(test)]
 mod session;
 #[cfg(test)]
+mod sfm;
+#[cfg(test)]
 mod shared;
 #[cfg(test)]
 mod suggestions;

@@ -67,7 +67,7 @@ fn way_through(data: &Path, root: &Path) -> Session {
     }
     let events = perform(&mut session, track()).unwrap();
     assert!(events.contains(&Event::Notice("tracker: geometry".into())), "{events:?}");
-    let reconstruct = ReconstructRequest { method: Default::default(), every: 1, device: "auto".into() };
+    let reconstruct = ReconstructRequest::default();
     perform(&mut session, Command::Reconstruct(reconstruct)).unwrap();
     perform(&mut session, fuse()).unwrap();
     session

@@ -1,5 +1,6 @@
 use egui::{Rect, Slider, Ui};
 
+use super::ruler::ruler_ui;
 use crate::app::tips::action_button;
 use crate::app::{Action, Look, ViewState};
 use crate::view::Coloring;
@@ -33,6 +34,11 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
         }
         if has_cameras && action_button(ui, shortcuts, Action::LookThrough, "Camera view", true).clicked() {
             wishes.push(Action::LookThrough);
+        }
+        if has_cameras && look.points().is_some() {
+            ui.toggle_value(&mut view.ruler.in_hand, "Ruler")
+                .on_hover_text("Click two points to measure their distance, and to set the scale by it");
+            ruler_ui(ui, view, wishes);
         }
     });
 }

@@ -65,7 +65,7 @@ impl ScenePane {
 
     /// Frames the scene when another cloud or the first cameras come, or when asked to.
     fn frame_new_content(&mut self, look: &Look<'_>, view: &mut ViewState, aspect: f32) {
-        let same = match (&self.shown.cloud, look.cloud) {
+        let same = match (&self.shown.cloud, look.points()) {
             (Some(old), Some(new)) => Arc::ptr_eq(old, new),
             (None, None) => true,
             _ => false,
@@ -74,11 +74,11 @@ impl ScenePane {
         if !same || self.orbit.is_none() || wish == Some(SceneWish::FrameAll) {
             self.measure(look);
             // A cloud made anew keeps the view the user chose.
-            let keep = self.orbit.is_some() && wish.is_none() && self.shown.cloud.is_some() && look.cloud.is_some();
+            let keep = self.orbit.is_some() && wish.is_none() && self.shown.cloud.is_some() && look.points().is_some();
             if !keep {
                 self.orbit = framing(look, aspect);
             }
-            self.shown.cloud = look.cloud.cloned();
+            self.shown.cloud = look.points().cloned();
         }
         if wish == Some(SceneWish::LookThrough) {
             self.look_through(look.project.frames.get(view.frame));
@@ -116,6 +116,10 @@ impl ScenePane {
             if let Some(at) = at {
                 orbit.recentre(at);
             }
+        } else if response.clicked() && view.ruler.in_hand {
+            let at = response.interact_pointer_pos();
+            let point = at.and_then(|at| point_at(look, view, camera, in_view(at), 14.0 * scale));
+            point.into_iter().for_each(|at| view.ruler.click(at));
         } else if response.clicked()
             && view.prefs.frusta
             && let Some(at) = response.interact_pointer_pos()
@@ -162,11 +166,12 @@ impl ScenePane {
         let scale = ui.pixels_per_point();
         let size = (rect.size() * scale).round().max(egui::Vec2::splat(1.0));
         let most = ui.input(|i| i.max_texture_side) as f32;
-        let lines = if view.prefs.frusta {
+        let mut lines = if view.prefs.frusta {
             frustum_lines(&look.project.frames, self.shown.radius * 0.09, Some(view.frame))
         } else {
             Vec::new()
         };
+        lines.extend(view.ruler.lines(self.shown.radius * 0.012));
         let fill = ui.visuals().extreme_bg_color;
         let scene = Scene3d {
             camera: orbit.camera(size.x.min(most) as u32, size.y.min(most) as u32),
@@ -177,7 +182,7 @@ impl ScenePane {
             background: [fill.r(), fill.g(), fill.b()],
             lines,
         };
-        if !canvas.draw(ui, rect, look.cloud, &scene) {
+        if !canvas.draw(ui, rect, look.points(), &scene) {
             ui.ctx().request_repaint();
         }
         if view.coloring == Coloring::Confidence {
@@ -187,12 +192,12 @@ impl ScenePane {
 }
 
 fn point_at(look: &Look<'_>, view: &ViewState, camera: &ViewCamera, at_px: Vec2, radius_px: f32) -> Option<Vec3> {
-    let cloud = look.cloud?;
+    let cloud = look.points()?;
     pick_point(cloud, camera, at_px, radius_px, &view.hidden).map(|index| cloud.positions[index])
 }
 
 fn bounds(look: &Look<'_>) -> Option<Bounds> {
-    match look.cloud {
+    match look.points() {
         Some(cloud) => Bounds::of(every_nth(cloud).map(|index| cloud.positions[index])),
         None => {
             let poses = look.project.frames.iter().filter_map(Frame::posed_camera);
@@ -202,7 +207,7 @@ fn bounds(look: &Look<'_>) -> Option<Bounds> {
 }
 
 fn framing(look: &Look<'_>, aspect: f32) -> Option<Orbit> {
-    match look.cloud {
+    match look.points() {
         Some(cloud) => default_view(&thinned(cloud), &look.project.frames, aspect),
         None => cameras_view(look),
     }

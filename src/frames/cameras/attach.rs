@@ -35,7 +35,7 @@ pub(super) fn shown_camera(
             named("the file of cameras holds poses only; give the intrinsics too (--intrinsics FX,FY,CX,CY)".into())
         })?,
     };
-    Ok(FrameCamera { intrinsics, camera_from_world: camera_from_world.map(|pose| pose.turned(turn)) })
+    Ok(FrameCamera::given(intrinsics, camera_from_world.map(|pose| pose.turned(turn))))
 }
 
 /// The camera and pose of the stored picture of a frame that has both; `None` otherwise.

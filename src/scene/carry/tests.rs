@@ -27,7 +27,7 @@ const SURFACES: [Card; 3] = [
 
 fn camera(x: f64) -> FrameCamera {
     let pose = Pose { rotation: DQuat::from_rotation_z(0.05 * x), translation: DVec3::new(-x, 0.0, 0.0) };
-    FrameCamera { intrinsics: Camera::pinhole(WIDTH, HEIGHT, 80.0, 80.0, 48.0, 36.0), camera_from_world: Some(pose) }
+    FrameCamera::given(Camera::pinhole(WIDTH, HEIGHT, 80.0, 80.0, 48.0, 36.0), Some(pose))
 }
 
 /// Nearest surface at every pixel: index into [`SURFACES`] and depth.

@@ -73,7 +73,7 @@ impl Scene {
             height: HEIGHT,
             picture: PictureSource::File { path: "none".into(), orientation: Orientation(1) },
             depth: None,
-            camera: Some(FrameCamera { intrinsics: camera, camera_from_world: Some(pose) }),
+            camera: Some(FrameCamera::given(camera, Some(pose))),
         };
         self.frames.push(frame);
         self.images.push(Arc::new(Image { width: WIDTH, height: HEIGHT, pixels }));

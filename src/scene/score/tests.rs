@@ -88,7 +88,7 @@ fn only_points_inside_enough_frusta_count() {
     let truth = cloud(&[(0.0, 1), (0.5, 1), (5.0, 2)], NAMES);
     let pose = |x: f64| Pose { rotation: DQuat::IDENTITY, translation: DVec3::new(-x, 0.0, 2.0) };
     let intrinsics = Camera::pinhole(100, 100, 100.0, 100.0, 50.0, 50.0);
-    let camera = |x| FrameCamera { intrinsics, camera_from_world: Some(pose(x)) };
+    let camera = |x| FrameCamera::given(intrinsics, Some(pose(x)));
     let options = CloudScoreOptions { cameras: vec![camera(0.0), camera(0.4)], min_views: 2, ..within(&[0.1]) };
     assert_eq!(inside_frusta(&truth.positions, &options.cameras), [2, 2, 0]);
     let two = score(&truth, &cloud(&[(0.0, 1), (5.0, 2)], NAMES), &options);

@@ -35,7 +35,7 @@ impl View {
     /// The camera as a frame holds it.
     #[must_use]
     pub fn frame_camera(&self) -> FrameCamera {
-        FrameCamera { intrinsics: self.camera, camera_from_world: Some(self.camera_from_world) }
+        FrameCamera::given(self.camera, Some(self.camera_from_world))
     }
 }
 

@@ -47,17 +47,17 @@ impl Session {
 }
 
 fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
-    let ExportRequest { cloud, mesh, voxels, cameras, masks, depths, traits, .. } = request;
+    let ExportRequest { cloud, mesh, voxels, cameras, undistorted, masks, depths, traits, .. } = request;
     ensure!(mesh.is_none(), "the project has no mesh; this version makes none yet, export the cloud instead");
     ensure!(voxels.is_none(), "the project has no voxels; this version makes none yet, export the cloud instead");
-    let anything = [cloud, cameras, masks, depths, traits].into_iter().any(Option::is_some);
+    let anything = [cloud, cameras, undistorted, masks, depths, traits].into_iter().any(Option::is_some);
     ensure!(anything, "nothing to export was named; choose a cloud, cameras, masks, depths or traits");
     let has_cloud = sources.cloud.is_some() || sources.cloud_file.is_some();
     ensure!(has_cloud || (cloud.is_none() && traits.is_none()), "the project has no cloud yet; fuse first");
     let frames = &sources.project.frames;
     ensure!(
-        cameras.is_none() || frames.iter().any(|frame| frame.posed_camera().is_some()),
-        "no frame has a camera with a pose; give cameras first"
+        (cameras.is_none() && undistorted.is_none()) || frames.iter().any(|frame| frame.posed_camera().is_some()),
+        "no frame has a camera with a pose; give cameras or reconstruct first"
     );
     ensure!(
         depths.is_none() || frames.iter().any(|frame| frame.depth.is_some()),
@@ -74,10 +74,13 @@ fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Res
         let traits = |path| super::traits::write(path, &cloud, request.level, progress);
         request.traits.as_deref().map_or(Ok(()), traits)?;
     }
+    let sparse =
+        || sources.root.as_deref().map_or_else(SparsePoints::default, |root| load_sparse(root, &sources.project));
     if let Some(folder) = &request.cameras {
-        let sparse =
-            sources.root.as_deref().map_or_else(SparsePoints::default, |root| load_sparse(root, &sources.project));
-        write_colmap_model(folder, &sources.project.frames, &sparse, request.camera_encoding)?;
+        write_colmap_model(folder, &sources.project.frames, &sparse(), request.camera_encoding)?;
+    }
+    if let Some(folder) = &request.undistorted {
+        super::undistorted::write(folder, &sources.project, &sparse(), &sources.store, progress)?;
     }
     if let Some(folder) = &request.masks {
         super::masks::write(folder, MaskFormat::Davis, &sources.project, request.level, progress)?;

@@ -3,6 +3,7 @@
 //! May use: what `session` may. Must not touch: the folder on disk but through `OpenProject`.
 
 mod blend;
+mod cameras;
 mod choice;
 mod depths;
 mod export;
@@ -16,12 +17,14 @@ mod prompt;
 mod range;
 mod reconstruct;
 mod relocate;
+mod scale;
 mod split;
 mod suggest;
 mod tidy;
 mod trace;
 mod track;
 mod traits;
+mod undistorted;
 mod undo;
 
 pub(super) use choice::LabelChoice;

@@ -1,20 +1,39 @@
 use anyhow::{Result, bail, ensure};
 
+use super::cameras::Poses;
 use crate::frames::Frame;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{Edit, JobId, Project, ReconstructMethod, ReconstructRequest, ResultKind, ResultRecord, Session};
 
+/// What a reconstruction comes down to.
+enum Way {
+    /// Poses and depths are there.
+    Given,
+    /// Cameras are found.
+    Cameras(Poses),
+}
+
 impl Session {
-    /// Takes given poses and depths as they are; making them is not possible yet.
+    /// Finds cameras that are missing; takes given poses and depths as they are. Making depths is not possible yet.
     pub(in crate::session) fn reconstruct(&mut self, request: &ReconstructRequest) -> Result<JobId> {
         self.check_no_long_job()?;
         let project = self.snapshot()?;
-        check(&project, request)?;
+        match way(&project, request)? {
+            Way::Given => self.take_given(&project, request),
+            Way::Cameras(poses) => self.find_cameras(project, request, poses),
+        }
+    }
+
+    fn take_given(&mut self, project: &Project, request: &ReconstructRequest) -> Result<JobId> {
         let count = |has: fn(&Frame) -> bool| project.frames.iter().step_by(request.every).filter(|f| has(f)).count();
-        let posed = count(|frame| frame.posed_camera().is_some());
+        let posed = count(is_posed);
         let with_depth = count(|frame| frame.depth.is_some());
-        let both = count(|frame| frame.posed_camera().is_some() && frame.depth.is_some());
-        ensure!(both > 0, "no frame has both a camera pose and depth; {}", needs(posed, with_depth));
+        let both = count(|frame| is_posed(frame) && frame.depth.is_some());
+        ensure!(
+            both > 0,
+            "the frames have camera poses but no depth, which this version cannot make yet; make the project with \
+             --depth, or find the poses anew with --method sfm"
+        );
         let settings = if request.every > 1 { format!("every {}", request.every) } else { String::new() };
         let edits =
             vec![given(ResultKind::Cameras, posed, &settings), given(ResultKind::Depths, with_depth, &settings)];
@@ -24,30 +43,31 @@ impl Session {
     }
 }
 
-fn check(project: &Project, request: &ReconstructRequest) -> Result<()> {
+fn way(project: &Project, request: &ReconstructRequest) -> Result<Way> {
     ensure!(request.every > 0, "every 0th frame is none; give 1 or more");
     ensure!(!project.frames.is_empty(), "the project has no frames");
     match request.method {
-        ReconstructMethod::Auto => Ok(()),
-        ReconstructMethod::Sfm => {
-            bail!("structure from motion is not in this version yet; give cameras with --cameras")
+        ReconstructMethod::Auto => {
+            let posed = project.frames.iter().filter(|frame| is_posed(frame)).count();
+            let chosen_posed = project.frames.iter().step_by(request.every).all(is_posed);
+            Ok(match posed {
+                _ if chosen_posed => Way::Given,
+                0 | 1 => Way::Cameras(Poses::Anew),
+                _ => Way::Cameras(Poses::Kept),
+            })
         }
+        ReconstructMethod::Sfm => Ok(Way::Cameras(Poses::Anew)),
         ReconstructMethod::Mvs => bail!("stereo is not in this version yet; give depth pictures with --depth"),
         ReconstructMethod::Rgbd => bail!("RGB-D registration is not in this version yet; give cameras with --cameras"),
     }
 }
 
-/// What is missing, and how it can be given.
-fn needs(posed: usize, with_depth: usize) -> &'static str {
-    match (posed > 0, with_depth > 0) {
-        (false, false) => "this version cannot make them yet: make the project with --cameras and --depth",
-        (false, true) => "this version cannot find poses yet: make the project with --cameras",
-        (true, false) => "this version cannot make depth yet: make the project with --depth",
-        (true, true) => "the frames with poses are not those with depth: give both for the same frames",
-    }
+fn is_posed(frame: &Frame) -> bool {
+    frame.posed_camera().is_some()
 }
 
-fn given(kind: ResultKind, frames: usize, settings: &str) -> Edit {
+/// The record of a result that came with the frames.
+pub(super) fn given(kind: ResultKind, frames: usize, settings: &str) -> Edit {
     let settings = settings.to_owned();
     let record = ResultRecord { engine: "given".into(), frames, seconds: 0.0, stale: false, settings, version: 0 };
     Edit::SetResult { kind, record: Some(record) }

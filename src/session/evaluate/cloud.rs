@@ -56,7 +56,7 @@ fn frusta(path: &Path) -> Result<Vec<FrameCamera>> {
             )
         })?;
         let intrinsics = intrinsics.for_picture(width, height).map_err(anyhow::Error::msg)?;
-        Ok(FrameCamera { intrinsics, camera_from_world: Some(camera.camera_from_world) })
+        Ok(FrameCamera::given(intrinsics, Some(camera.camera_from_world)))
     });
     cameras.collect()
 }

@@ -28,7 +28,7 @@ fn with_cameras() -> Vec<Frame> {
             let mut frame = frame(&format!("a b/{i}_{orientation}.jpg"), 640, 480, orientation);
             let camera = Camera { distortion, ..Camera::pinhole(640, 480, 500.5, 500.5, 320.25, 239.75) };
             let pose = pose(all.len() as u32);
-            frame.camera = Some(FrameCamera { intrinsics: camera, camera_from_world: Some(pose) });
+            frame.camera = Some(FrameCamera::given(camera, Some(pose)));
             all.push(frame);
         }
     }
@@ -95,7 +95,7 @@ proptest! {
         let pose = crate::geometry::Pose { rotation: rotation.normalize(), translation: DVec3::new(t, 1.0 / t, f) };
         let intrinsics = Camera::pinhole(640, 480, f, 1.1 * f, c, 0.3 * c);
         let mut all = frames(&["x.png"]);
-        all[0].camera = Some(FrameCamera { intrinsics, camera_from_world: Some(pose) });
+        all[0].camera = Some(FrameCamera::given(intrinsics, Some(pose)));
         let folder = tempfile::tempdir().unwrap();
         write_colmap_model(folder.path(), &all, &SparsePoints::default(), ModelEncoding::Text).unwrap();
         let mut read = frames(&["x.png"]);
@@ -110,7 +110,7 @@ fn equal_cameras_are_written_once_and_frames_without_pose_left_out() {
     let mut all = frames(&["0.png", "1.png", "2.png"]);
     let intrinsics = Camera::pinhole(640, 480, 500.0, 500.0, 320.0, 240.0);
     for (i, frame) in all.iter_mut().enumerate() {
-        frame.camera = Some(FrameCamera { intrinsics, camera_from_world: (i < 2).then(|| pose(1)) });
+        frame.camera = Some(FrameCamera::given(intrinsics, (i < 2).then(|| pose(1))));
     }
     write_colmap_model(folder.path(), &all, &SparsePoints::default(), ModelEncoding::Text).unwrap();
     let text = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();

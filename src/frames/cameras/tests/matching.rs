@@ -94,7 +94,7 @@ fn poses_without_intrinsics_ask_for_them() {
     attach_intrinsics(&mut all, [400.0, 401.0, 300.0, 200.0]).unwrap();
     cameras.match_to(&mut all).unwrap();
     let intrinsics = Camera::pinhole(640, 480, 400.0, 401.0, 300.0, 200.0);
-    assert_eq!(all[0].camera, Some(FrameCamera { intrinsics, camera_from_world: Some(pose(0)) }));
+    assert_eq!(all[0].camera, Some(FrameCamera::given(intrinsics, Some(pose(0)))));
     // Intrinsics given later keep the pose.
     attach_intrinsics(&mut all, [410.0, 401.0, 300.0, 200.0]).unwrap();
     assert_eq!(all[0].posed_camera().unwrap().1, &pose(0));

@@ -1,0 +1,113 @@
+use egui::{Color32, Pos2, Rect, Sense, Stroke, Ui, Vec2};
+use glam::DVec2;
+
+use super::outcomes::outcomes_ui;
+use crate::app::textures::Textures;
+use crate::app::{Look, ViewState};
+use crate::session::SparseModel;
+
+/// What the window of cameras and matches shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct MatchView {
+    /// Whether it is open.
+    pub open: bool,
+    /// The frame beside the one shown; none = the one that shares most with it.
+    pub other: Option<usize>,
+}
+
+/// Lines drawn at most; of more matches every n-th is shown.
+const LINES: usize = 300;
+/// Reprojection error in pixels from which a line is drawn red.
+const BAD_PX: f64 = 2.0;
+const UV: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
+
+/// A window with what became of every frame, and lines between what two frames share.
+pub(in crate::app) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Textures) {
+    let mut open = view.matches.open;
+    egui::Window::new("Cameras and matches").open(&mut open).default_size([980.0, 560.0]).show(ui.ctx(), |ui| {
+        let Some(sparse) = look.sparse else {
+            ui.label("What the cameras were found with is shown here once structure from motion has found them.");
+            return;
+        };
+        egui::Panel::left("outcomes").resizable(true).default_size(330.0).show(ui, |ui| {
+            outcomes_ui(ui, look, view, sparse);
+        });
+        pair_ui(ui, look, view, textures, sparse);
+    });
+    view.matches.open = open;
+}
+
+fn pair_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Textures, sparse: &SparseModel) {
+    let neighbours = sparse.neighbours(view.frame);
+    let known = |&other: &usize| neighbours.iter().any(|&(frame, _)| frame == other);
+    let Some(other) = view.matches.other.filter(known).or(neighbours.first().map(|&(frame, _)| frame)) else {
+        ui.label(format!("Frame {} shares no points with another frame.", view.frame));
+        return;
+    };
+    ui.horizontal(|ui| {
+        ui.label(format!("Frame {} with", view.frame));
+        other_ui(ui, view, &neighbours, other);
+    });
+    let matches = sparse.matches(view.frame, other);
+    let size = Vec2::new(ui.available_width(), (ui.available_height() - 4.0).max(120.0));
+    let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
+    let name = format!("Matches of frames {} and {other}", view.frame);
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &name));
+    let half = Vec2::new((rect.width() - 6.0) / 2.0, rect.height());
+    let places = [Rect::from_min_size(rect.min, half), Rect::from_min_size(rect.max - half, half)];
+    let shown = [view.frame, other];
+    let fitted: [Rect; 2] = std::array::from_fn(|i| picture_ui(ui, look, textures, i, shown[i], places[i]));
+    let at = |i: usize, at_px: DVec2| {
+        let frame = &look.project.frames[shown[i]];
+        let share = Vec2::new((at_px.x / f64::from(frame.width)) as f32, (at_px.y / f64::from(frame.height)) as f32);
+        fitted[i].min + share * fitted[i].size()
+    };
+    for &(first, second, point) in matches.iter().step_by(matches.len().div_ceil(LINES).max(1)) {
+        let error_px = sparse.points.points.get(point as usize).and_then(|point| point.error_px).unwrap_or(0.0);
+        let color = error_color(error_px);
+        let ends = [at(0, first), at(1, second)];
+        ui.painter().line_segment(ends, Stroke::new(1.0, color.gamma_multiply(0.55)));
+        for end in ends {
+            ui.painter().circle_filled(end, 2.0, color);
+        }
+    }
+}
+
+/// The choice of the other frame.
+fn other_ui(ui: &mut Ui, view: &mut ViewState, neighbours: &[(usize, usize)], other: usize) {
+    let text = |&(frame, shared): &(usize, usize)| format!("frame {frame}: {shared} shared points");
+    let chosen = neighbours.iter().find(|&&(frame, _)| frame == other).map(text).unwrap_or_default();
+    let choice = egui::ComboBox::from_id_salt("other frame").selected_text(chosen).width(230.0).show_ui(ui, |ui| {
+        for neighbour in neighbours {
+            if ui.selectable_label(neighbour.0 == other, text(neighbour)).clicked() {
+                view.matches.other = Some(neighbour.0);
+            }
+        }
+    });
+    choice.response.on_hover_text("The frame beside it; the list begins with the one that shares most");
+}
+
+/// Draws a frame's picture into a place; gives where it lies.
+fn picture_ui(ui: &Ui, look: &Look<'_>, textures: &mut Textures, i: usize, frame: usize, place: Rect) -> Rect {
+    let known = &look.project.frames[frame];
+    let size = Vec2::new(known.width as f32, known.height as f32);
+    let scale = (place.width() / size.x).min(place.height() / size.y);
+    let fitted = Rect::from_center_size(place.center(), size * scale);
+    match look.pictures.and_then(|pictures| pictures.picture(frame)) {
+        Some(image) => {
+            let texture = textures.of_pair(ui.ctx(), i, &image);
+            ui.painter().image(texture.id(), fitted, UV, Color32::from_gray(190));
+        }
+        None => {
+            ui.painter().rect_filled(fitted, 2.0, ui.visuals().extreme_bg_color);
+        }
+    }
+    fitted
+}
+
+/// Green for exact, over yellow to red.
+pub(super) fn error_color(error_px: f64) -> Color32 {
+    let share = (error_px / BAD_PX).clamp(0.0, 1.0) as f32;
+    let (red, green) = ((2.0 * share).min(1.0), (2.0 - 2.0 * share).min(1.0));
+    Color32::from_rgb((60.0 + 195.0 * red) as u8, (50.0 + 160.0 * green) as u8, 60)
+}

@@ -1,0 +1,129 @@
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use super::catalogue::{Catalogue, Entry, NetworkFile};
+use super::digest::sha256;
+use super::error::NnError;
+use super::network::Network;
+use super::runtime::{Runtime, whole};
+
+/// A file that was copied into the folder of networks.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Added {
+    /// Where it lies now.
+    pub path: PathBuf,
+    /// What speaks for it.
+    pub proof: Proof,
+}
+
+/// What speaks for an added file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Proof {
+    /// It loads and takes and gives what is expected.
+    Fits,
+    /// It loads; what it takes and gives is not known.
+    Loads,
+    /// It is the file whose digest is known; it was not loaded.
+    Known,
+    /// Nothing: it could not be checked, and why.
+    None(String),
+}
+
+/// Copies the files of a network (or the library of ONNX Runtime) into `folder` after checking them: by loading, or
+/// by their digest where there is no ONNX Runtime. Nothing is placed before all are checked and copied.
+///
+/// # Errors
+/// When the name is unknown, files are missing or too many, one does not load or has another interface, or cannot be
+/// copied.
+pub fn add(catalogue: &Catalogue, folder: &Path, name: &str, files: &[PathBuf]) -> Result<Vec<Added>, NnError> {
+    let entry = catalogue.entry(name)?;
+    let names = entry.file_names();
+    if names.len() != files.len() {
+        let wanted = names.join(", ");
+        return Err(NnError::Request(format!("`{name}` takes {} in this order: {wanted}", count(names.len()))));
+    }
+    let proofs = if entry.is_library() {
+        files.iter().map(|path| prove_library(path)).collect::<Result<Vec<_>, _>>()?
+    } else {
+        prove_networks(entry, files)?
+    };
+    let targets: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
+    place(folder, files, &targets)?;
+    Ok(targets.into_iter().zip(proofs).map(|(path, proof)| Added { path, proof }).collect())
+}
+
+fn count(files: usize) -> String {
+    if files == 1 { "one file,".to_owned() } else { format!("{files} files") }
+}
+
+fn prove_library(path: &Path) -> Result<Proof, NnError> {
+    readable(path)?;
+    if let Some(other) = Runtime::loaded().filter(|runtime| runtime.path() != whole(path)) {
+        return Ok(Proof::None(format!("{} is in use until the program is started again", other.path().display())));
+    }
+    Runtime::open(path).map(|_| Proof::Loads)
+}
+
+fn prove_networks(entry: &Entry, paths: &[PathBuf]) -> Result<Vec<Proof>, NnError> {
+    paths.iter().try_for_each(|path| readable(path))?;
+    let pairs = entry.files().iter().zip(paths);
+    match Runtime::find() {
+        Ok(runtime) => pairs.map(|(file, path)| prove_by_loading(&runtime, file, path)).collect(),
+        Err(error) => pairs.map(|(file, path)| prove_by_digest(file, path, &error)).collect(),
+    }
+}
+
+fn prove_by_loading(runtime: &Runtime, file: &NetworkFile, path: &Path) -> Result<Proof, NnError> {
+    let expected = file.signature();
+    Network::load(runtime, path, expected.as_ref())?;
+    Ok(if expected.is_some() { Proof::Fits } else { Proof::Loads })
+}
+
+fn prove_by_digest(file: &NetworkFile, path: &Path, why: &NnError) -> Result<Proof, NnError> {
+    let Some(expected) = &file.sha256 else {
+        return Ok(Proof::None(why.to_string()));
+    };
+    let found = sha256(path).map_err(|source| NnError::Io { path: path.to_owned(), source })?;
+    if found == *expected {
+        return Ok(Proof::Known);
+    }
+    Err(NnError::Digest { path: path.to_owned(), expected: expected.clone(), found })
+}
+
+fn readable(path: &Path) -> Result<(), NnError> {
+    File::open(path).map(drop).map_err(|source| NnError::Io { path: path.to_owned(), source })
+}
+
+/// Copies under temporary names, then renames: an interrupted copy leaves what was there before.
+fn place(folder: &Path, files: &[PathBuf], targets: &[PathBuf]) -> Result<(), NnError> {
+    let failed = |path: &Path| {
+        let path = path.to_owned();
+        move |source| NnError::Io { path, source }
+    };
+    fs::create_dir_all(folder).map_err(failed(folder))?;
+    let temporaries: Vec<PathBuf> = targets.iter().map(|target| temporary(target)).collect();
+    let copies = files.iter().zip(&temporaries);
+    let copied = copies.into_iter().try_for_each(|(from, to)| copy_durably(from, to).map_err(failed(to)));
+    let renames = temporaries.iter().zip(targets);
+    let placed =
+        copied.and_then(|()| renames.into_iter().try_for_each(|(from, to)| fs::rename(from, to).map_err(failed(to))));
+    if placed.is_err() {
+        for path in &temporaries {
+            let _ = fs::remove_file(path);
+        }
+    }
+    placed
+}
+
+fn copy_durably(from: &Path, to: &Path) -> std::io::Result<()> {
+    let mut source = File::open(from)?;
+    let mut target = File::create(to)?;
+    std::io::copy(&mut source, &mut target)?;
+    target.sync_all()
+}
+
+fn temporary(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".tmp");
+    PathBuf::from(name)
+}

@@ -1,0 +1,96 @@
+use std::path::{Path, PathBuf};
+
+use super::catalogue::{Catalogue, Entry, NetworkFile};
+use super::error::NnError;
+use super::network::Network;
+use super::runtime::Runtime;
+use super::signature::Signature;
+
+/// One line of the list of networks.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Row {
+    /// What it is called on the command line.
+    pub name: String,
+    /// What it is good for.
+    pub purpose: String,
+    /// Licence of the weights.
+    pub licence: String,
+    /// Its files, where all of them are there.
+    pub installed: Option<Installed>,
+}
+
+/// Files of a network that are there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Installed {
+    /// In the catalogue's order.
+    pub paths: Vec<PathBuf>,
+    /// All together.
+    pub bytes: u64,
+}
+
+/// What loading one installed file showed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CheckedFile {
+    /// The file.
+    pub path: PathBuf,
+    /// What it takes and gives; `None` for ONNX Runtime itself.
+    pub signature: Option<Signature>,
+    /// Whether that was held against what the program expects.
+    pub is_compared: bool,
+}
+
+impl Entry {
+    /// The entry's files in `folder`; `None` where one is missing.
+    #[must_use]
+    pub fn installed(&self, folder: &Path) -> Option<Installed> {
+        let paths: Vec<PathBuf> = self.file_names().iter().map(|name| folder.join(name)).collect();
+        let sizes = paths.iter().map(|path| std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file));
+        let bytes = sizes.map(|size| size.map(|size| size.len())).sum::<Option<u64>>()?;
+        Some(Installed { paths, bytes })
+    }
+}
+
+/// Every entry and whether it is in `folder`.
+#[must_use]
+pub fn list(catalogue: &Catalogue, folder: &Path) -> Vec<Row> {
+    let row = |entry: &Entry| Row {
+        name: entry.name.clone(),
+        purpose: entry.purpose.clone(),
+        licence: entry.licence.clone(),
+        installed: entry.installed(folder),
+    };
+    catalogue.entries().iter().map(row).collect()
+}
+
+/// Loads what is installed under `name` and tells what it takes and gives.
+///
+/// # Errors
+/// When it is unknown, not installed, does not load or has another interface.
+pub fn check(catalogue: &Catalogue, folder: &Path, name: &str) -> Result<Vec<CheckedFile>, NnError> {
+    let entry = catalogue.entry(name)?;
+    if entry.is_library() {
+        let path = Runtime::find()?.path().to_owned();
+        return Ok(vec![CheckedFile { path, signature: None, is_compared: false }]);
+    }
+    let installed = entry.installed(folder).ok_or_else(|| entry.missing(folder))?;
+    let runtime = Runtime::find()?;
+    let load = |(file, path): (&NetworkFile, PathBuf)| {
+        let expected = file.signature();
+        let network = Network::load(&runtime, &path, expected.as_ref())?;
+        Ok(CheckedFile { path, signature: Some(network.signature().clone()), is_compared: expected.is_some() })
+    };
+    entry.files().iter().zip(installed.paths).map(load).collect()
+}
+
+/// Loads the networks that `folder` holds under `name`, one per file.
+///
+/// # Errors
+/// As [`check`].
+pub fn load(folder: &Path, name: &str) -> Result<Vec<Network>, NnError> {
+    let catalogue = Catalogue::bundled()?;
+    let entry = catalogue.entry(name)?;
+    let installed = entry.installed(folder).ok_or_else(|| entry.missing(folder))?;
+    let runtime = Runtime::find()?;
+    let pairs = entry.files().iter().zip(&installed.paths);
+    pairs.map(|(file, path)| Network::load(&runtime, path, file.signature().as_ref())).collect()
+}

@@ -1,0 +1,117 @@
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use ort::session::{Session, SessionInputValue};
+use ort::value::{DynValue, Outlet, TensorElementType, TensorRef};
+
+use super::error::NnError;
+use super::runtime::Runtime;
+use super::signature::{Element, Port, Signature};
+use super::tensor::{Tensor, TensorValues};
+
+/// A network ready to run. Threads may share it; they run it one after the other, each run on all cores.
+#[derive(Debug)]
+pub struct Network {
+    path: PathBuf,
+    signature: Signature,
+    session: Mutex<Session>,
+}
+
+impl Network {
+    /// Loads a network and holds it against what it is `expected` to take and give; not compared without that.
+    ///
+    /// # Errors
+    /// [`NnError::Io`], [`NnError::NotANetwork`], [`NnError::Mismatch`].
+    pub fn load(runtime: &Runtime, path: &Path, expected: Option<&Signature>) -> Result<Self, NnError> {
+        std::fs::File::open(path).map_err(|source| NnError::Io { path: path.to_owned(), source })?;
+        let broken = |error: ort::Error| NnError::NotANetwork { path: path.to_owned(), what: one_line(&error) };
+        let session = session(runtime, path).map_err(broken)?;
+        let there = Signature { inputs: ports(session.inputs()), outputs: ports(session.outputs()) };
+        if let Some(expected) = expected {
+            expected.fits(&there).map_err(|what| NnError::Mismatch { path: path.to_owned(), what })?;
+        }
+        let outputs = expected.map_or(there.outputs, |expected| expected.outputs.clone());
+        let signature = Signature { inputs: there.inputs, outputs };
+        Ok(Self { path: path.to_owned(), signature, session: Mutex::new(session) })
+    }
+
+    /// The file that it was loaded from.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What it takes and what is read from it.
+    #[must_use]
+    pub fn signature(&self) -> &Signature {
+        &self.signature
+    }
+
+    /// Runs the network on named inputs; gives the outputs in the order of [`Network::signature`].
+    ///
+    /// # Errors
+    /// [`NnError::Run`] where an input is missing or does not fit, an output is of another kind, memory is short.
+    pub fn run(&self, inputs: &[(&str, &Tensor)]) -> Result<Vec<Tensor>, NnError> {
+        let failed = |error: ort::Error| NnError::Run { path: self.path.clone(), what: one_line(&error) };
+        let fed = inputs.iter().map(|&(name, tensor)| Ok((Cow::Borrowed(name), view(tensor)?)));
+        let fed = fed.collect::<ort::Result<Vec<(Cow<'_, str>, SessionInputValue<'_>)>>>().map_err(failed)?;
+        let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
+        let given = session.run(fed).map_err(failed)?;
+        let read = |port: &Port| {
+            let missing = || ort::Error::new(format!("no output `{}`", port.name));
+            given.get(&port.name).ok_or_else(missing).and_then(copied).map_err(failed)
+        };
+        self.signature.outputs.iter().map(read).collect()
+    }
+}
+
+/// Cores are left to others while the network waits: spinning threads would take them from whoever prepares the input.
+fn session(runtime: &Runtime, path: &Path) -> ort::Result<Session> {
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    Session::builder(runtime.environment())?
+        .with_intra_threads(threads)?
+        .with_intra_op_spinning(false)?
+        .with_deterministic_compute(true)?
+        .commit_from_file(path)
+}
+
+fn ports(outlets: &[Outlet]) -> Vec<Port> {
+    outlets.iter().map(port).collect()
+}
+
+fn port(outlet: &Outlet) -> Port {
+    let kind = outlet.dtype();
+    let element = match kind.tensor_type() {
+        Some(TensorElementType::Float32) => Element::F32,
+        Some(TensorElementType::Int64) => Element::I64,
+        Some(other) => Element::Other(other.to_string()),
+        None => Element::Other("no tensor".to_owned()),
+    };
+    let sizes = kind.tensor_shape().map(|shape| shape.iter().map(|&size| usize::try_from(size).ok()).collect());
+    Port { name: outlet.name().to_owned(), element, shape: sizes.unwrap_or_default() }
+}
+
+fn view(tensor: &Tensor) -> ort::Result<SessionInputValue<'_>> {
+    Ok(match tensor.values() {
+        TensorValues::F32(values) => TensorRef::from_array_view((tensor.shape(), values.as_slice()))?.into(),
+        TensorValues::I64(values) => TensorRef::from_array_view((tensor.shape(), values.as_slice()))?.into(),
+    })
+}
+
+fn copied(value: &DynValue) -> ort::Result<Tensor> {
+    let (shape, values) = if value.dtype().tensor_type() == Some(TensorElementType::Int64) {
+        let (shape, values) = value.try_extract_tensor::<i64>()?;
+        (shape, TensorValues::I64(values.to_vec()))
+    } else {
+        let (shape, values) = value.try_extract_tensor::<f32>()?;
+        (shape, TensorValues::F32(values.to_vec()))
+    };
+    let shape: Vec<usize> = shape.iter().map(|&size| usize::try_from(size).unwrap_or(0)).collect();
+    Tensor::new(&shape, values).map_err(|error| ort::Error::new(error.to_string()))
+}
+
+/// ONNX Runtime's messages run over many lines.
+fn one_line(error: &ort::Error) -> String {
+    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+}

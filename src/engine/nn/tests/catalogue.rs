@@ -1,0 +1,48 @@
+use super::super::digest::sha256;
+use super::super::{Catalogue, Element};
+use super::networks;
+
+#[test]
+fn every_network_has_files_and_known_elements() {
+    let catalogue = Catalogue::bundled().unwrap();
+    let names: Vec<&str> = catalogue.entries().iter().map(|entry| entry.name.as_str()).collect();
+    let expected = "onnxruntime sam-vit-b mobile-sam efficient-sam grounding-dino xmem deaot superpoint \
+                    superglue-indoor superglue-outdoor xfeat lighterglue yolox";
+    assert_eq!(names.join(" "), expected);
+    for entry in catalogue.entries() {
+        assert_eq!(entry.files().is_empty(), entry.is_library(), "{}", entry.name);
+        assert!(!entry.purpose.is_empty() && !entry.licence.is_empty() && entry.source.starts_with("https://"));
+        for signature in entry.files().iter().filter_map(super::super::NetworkFile::signature) {
+            let mut ports = signature.inputs.iter().chain(&signature.outputs);
+            assert!(ports.all(|port| !matches!(port.element, Element::Other(_))), "{}", entry.name);
+        }
+    }
+}
+
+#[test]
+fn files_have_names_of_their_own() {
+    let catalogue = Catalogue::bundled().unwrap();
+    let mut names: Vec<String> = catalogue.entries().iter().flat_map(super::super::Entry::file_names).collect();
+    let count = names.len();
+    names.sort();
+    names.dedup();
+    assert_eq!(names.len(), count, "one would overwrite the other: {names:?}");
+}
+
+#[test]
+fn an_unknown_name_is_answered_with_the_known_ones() {
+    let error = Catalogue::bundled().unwrap().entry("xfaet").unwrap_err().to_string();
+    assert!(error.contains("`xfaet`") && error.contains("xfeat, lighterglue"), "{error}");
+}
+
+#[test]
+fn the_known_digests_are_those_of_the_files() {
+    let Some(folder) = networks() else { return };
+    let catalogue = Catalogue::bundled().unwrap();
+    let files = catalogue.entries().iter().flat_map(super::super::Entry::files);
+    let known: Vec<_> = files.filter(|file| file.sha256.is_some()).collect();
+    assert_eq!(known.len(), 3);
+    for file in known {
+        assert_eq!(file.sha256.as_ref(), sha256(&folder.join(&file.name)).ok().as_ref(), "{}", file.name);
+    }
+}

@@ -1,0 +1,67 @@
+use std::fs;
+use std::path::Path;
+
+use super::super::{Catalogue, NnError, Proof, add, check, list, load};
+use super::ready;
+
+fn files_in(folder: &Path) -> usize {
+    fs::read_dir(folder).map_or(0, Iterator::count)
+}
+
+#[test]
+fn an_added_network_is_listed_checked_and_loaded() {
+    let Some((_, folder)) = ready() else { return };
+    let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
+    let target = scratch.path().join("models");
+    let source = folder.join("xfeat.onnx");
+    let listed = || list(&catalogue, &target).into_iter().find(|row| row.name == "xfeat").unwrap().installed;
+    assert_eq!(listed(), None);
+    let added = add(&catalogue, &target, "xfeat", std::slice::from_ref(&source)).unwrap();
+    assert_eq!((added[0].path.clone(), &added[0].proof), (target.join("xfeat.onnx"), &Proof::Fits));
+    assert_eq!(listed().unwrap().bytes, fs::metadata(&source).unwrap().len());
+    let checked = check(&catalogue, &target, "xfeat").unwrap();
+    assert!(checked[0].is_compared && checked[0].signature.as_ref().unwrap().inputs[0].name == "input");
+    assert_eq!(load(&target, "xfeat").unwrap().len(), 1);
+    assert_eq!(files_in(&target), 1, "no temporary file stays");
+}
+
+#[test]
+fn adding_what_is_installed_keeps_it() {
+    let Some((_, folder)) = ready() else { return };
+    let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
+    let added = add(&catalogue, scratch.path(), "yolox", &[folder.join("yolox_nano.onnx")]).unwrap();
+    add(&catalogue, scratch.path(), "yolox", &[added[0].path.clone()]).unwrap();
+    assert_eq!(fs::read(&added[0].path).unwrap(), fs::read(folder.join("yolox_nano.onnx")).unwrap());
+}
+
+#[test]
+fn another_network_is_not_added() {
+    let Some((_, folder)) = ready() else { return };
+    let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
+    let error = add(&catalogue, scratch.path(), "xfeat", &[folder.join("lighterglue.onnx")]).unwrap_err();
+    assert!(matches!(error, NnError::Mismatch { .. }), "{error}");
+    assert_eq!(files_in(scratch.path()), 0);
+}
+
+#[test]
+fn a_network_without_a_known_interface_is_loaded_only() {
+    let Some((_, folder)) = ready() else { return };
+    let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
+    let added = add(&catalogue, scratch.path(), "deaot", &[folder.join("xfeat.onnx")]).unwrap();
+    assert_eq!(added[0].proof, Proof::Loads);
+    assert!(!check(&catalogue, scratch.path(), "deaot").unwrap()[0].is_compared);
+}
+
+#[test]
+fn a_wrong_number_of_files_is_answered_with_their_names() {
+    let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
+    let error = add(&catalogue, scratch.path(), "sam-vit-b", &["a.onnx".into()]).unwrap_err().to_string();
+    assert_eq!(error, "`sam-vit-b` takes 2 files in this order: sam-vit-b-encoder.onnx, sam-vit-b-decoder.onnx");
+}
+
+#[test]
+fn what_is_not_installed_is_told_with_what_to_do() {
+    let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
+    let error = check(&catalogue, scratch.path(), "xfeat").unwrap_err().to_string();
+    assert!(error.contains("`xfeat` is not installed") && error.contains("ostra models add xfeat FILE"), "{error}");
+}

@@ -1,0 +1,124 @@
+use glam::{DVec2, DVec3};
+
+use super::refine::refined;
+use super::seen::{Blocks, Seen, seen};
+use crate::geometry::ransac::{Estimator, RansacOptions, consensus};
+use crate::geometry::solvers::p3p;
+use crate::geometry::{Camera, Pose};
+
+/// When points agree with a pose, and how long to look for one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AbsolutePoseOptions {
+    /// Largest reprojection error of an inlier in pixels.
+    pub max_error_px: f64,
+    /// Wanted probability of having drawn a sample without outliers.
+    pub confidence: f64,
+    /// Samples at most.
+    pub max_iterations: usize,
+    /// Fewer inliers are no agreement.
+    pub min_inliers: usize,
+    /// Seed of the samples.
+    pub seed: u64,
+}
+
+impl Default for AbsolutePoseOptions {
+    fn default() -> Self {
+        Self { max_error_px: 12.0, confidence: 0.999, max_iterations: 10_000, min_inliers: 30, seed: 0 }
+    }
+}
+
+/// Where a camera stood, and which points say so.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AbsolutePose {
+    /// The pose.
+    pub camera_from_world: Pose,
+    /// Indices of the points that agree, ascending.
+    pub inliers: Vec<u32>,
+}
+
+/// Steps of a refinement between samples, and points that it looks at.
+const QUICK_STEPS: usize = 6;
+const QUICK_POINTS: usize = 300;
+/// A wrong pose explains this many points by its sample, and a few more by chance.
+const BY_CHANCE: usize = 6;
+
+/// The pose of a camera that sees `points[i]` (world space) at `at_px[i]`, some of them wrong: three points a sample,
+/// the best pose refined over what agrees with it. `None` where fewer than `min_inliers` agree, or all of these lie in
+/// one line.
+#[must_use]
+pub fn estimate_absolute_pose(
+    camera: &Camera,
+    at_px: &[DVec2],
+    points: &[DVec3],
+    options: &AbsolutePoseOptions,
+) -> Option<AbsolutePose> {
+    let seen = seen(camera, at_px, points);
+    let (pose, places) = pose_of(camera, &seen, options)?;
+    let inliers = places.iter().map(|&place| seen[place as usize].given).collect();
+    Some(AbsolutePose { camera_from_world: pose, inliers })
+}
+
+/// Pose and places of the inliers.
+pub(super) fn pose_of(camera: &Camera, seen: &[Seen], options: &AbsolutePoseOptions) -> Option<(Pose, Vec<u32>)> {
+    let search = Resection { camera, seen, blocks: Blocks::new(seen, options.max_error_px) };
+    let &AbsolutePoseOptions { confidence, max_iterations, seed, .. } = options;
+    let min_inliers = options.min_inliers.max(BY_CHANCE);
+    let ransac = RansacOptions { confidence, max_iterations, max_vain: max_iterations, min_inliers, seed };
+    let found = consensus(&search, &ransac)?;
+    if in_one_line(found.inliers.iter().map(|&place| seen[place as usize].point)) {
+        return None;
+    }
+    let pose = refined(camera, &found.model, &chosen(seen, &found.inliers), 20);
+    let inliers = search.blocks.within(&pose);
+    (inliers.len() >= min_inliers).then_some((pose, inliers))
+}
+
+pub(super) fn chosen(seen: &[Seen], places: &[u32]) -> Vec<Seen> {
+    places.iter().map(|&place| seen[place as usize]).collect()
+}
+
+/// Whether points lie so near a line that a camera may turn about it.
+fn in_one_line(points: impl Iterator<Item = DVec3> + Clone) -> bool {
+    let count = points.clone().count() as f64;
+    let mean = points.clone().sum::<DVec3>() / count;
+    let longest =
+        points.clone().map(|x| x - mean).fold(DVec3::ZERO, |a, b| if b.length() > a.length() { b } else { a });
+    let Some(along) = longest.try_normalize() else { return true };
+    let off = points.map(|x| (x - mean).reject_from_normalized(along).length_squared()).sum::<f64>() / count;
+    off.is_nan() || off.sqrt() <= 1e-4 * longest.length()
+}
+
+struct Resection<'a> {
+    camera: &'a Camera,
+    seen: &'a [Seen],
+    blocks: Blocks,
+}
+
+impl Estimator for Resection<'_> {
+    type Model = Pose;
+    const SAMPLE: usize = 3;
+
+    fn count(&self) -> usize {
+        self.seen.len()
+    }
+
+    fn fit(&self, sample: &[usize], found: &mut Vec<Pose>) {
+        let drawn = [sample[0], sample[1], sample[2]].map(|place| &self.seen[place]);
+        found.extend(p3p(&drawn.map(|one| one.ray), &drawn.map(|one| one.point)));
+    }
+
+    fn cost(&self, pose: &Pose, enough: f64) -> f64 {
+        self.blocks.cost(pose, enough)
+    }
+
+    fn inliers(&self, pose: &Pose) -> Vec<u32> {
+        self.blocks.within(pose)
+    }
+
+    fn refine(&self, pose: &Pose) -> Option<Pose> {
+        let inliers = self.blocks.within(pose);
+        let every = inliers.len().div_ceil(QUICK_POINTS).max(1);
+        let some: Vec<u32> = inliers.into_iter().step_by(every).collect();
+        (some.len() > Self::SAMPLE).then(|| refined(self.camera, pose, &chosen(self.seen, &some), QUICK_STEPS))
+    }
+}

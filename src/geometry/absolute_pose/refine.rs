@@ -1,0 +1,117 @@
+use glam::{DQuat, DVec2, DVec3};
+
+use super::seen::{Seen, seen};
+use crate::geometry::solvers::{Linearised, Problem, minimise};
+use crate::geometry::{Camera, Pose};
+
+/// Levenberg–Marquardt steps at most.
+const STEPS: usize = 20;
+/// Where Cauchy's loss begins to doubt an error, in pixels.
+const DOUBT_PX: f64 = 1.0;
+
+/// The pose near `start` with the least reprojection error under Cauchy's loss (scale 1 px), lens distortion included.
+/// Points that are not finite are passed over; `start` is given back where fewer than three remain.
+#[must_use]
+pub fn refine_absolute_pose(camera: &Camera, start: &Pose, at_px: &[DVec2], points: &[DVec3]) -> Pose {
+    refined(camera, start, &seen(camera, at_px, points), STEPS)
+}
+
+pub(super) fn refined(camera: &Camera, start: &Pose, seen: &[Seen], max_steps: usize) -> Pose {
+    if seen.len() < 3 {
+        return *start;
+    }
+    minimise::<6, _>(Reprojection { camera: *camera, pose: *start, seen }, max_steps).pose
+}
+
+/// Pose, or pose and focal length, of a camera against the points it sees.
+pub(super) struct Reprojection<'a> {
+    pub camera: Camera,
+    pub pose: Pose,
+    pub seen: &'a [Seen],
+}
+
+/// Cost of a point behind the camera or beyond the lens, in square pixels.
+const UNSEEN: f64 = 1e6;
+
+/// One point's part of the linearised problem.
+struct Row {
+    miss: DVec2,
+    /// Derivative of the position in pixels by a shift of the point in camera space.
+    shift: [DVec3; 2],
+    /// The point turned into the camera's axes.
+    turned: DVec3,
+    /// Position in pixels from the principal point.
+    from_centre: DVec2,
+    weight: f64,
+}
+
+impl Reprojection<'_> {
+    /// Calls `add` for every point that the camera sees; returns the cost of all.
+    fn each(&self, mut add: impl FnMut(&Row)) -> f64 {
+        const SCALE: f64 = DOUBT_PX * DOUBT_PX;
+        let mut cost = 0.0;
+        for one in self.seen {
+            let turned = self.pose.rotation * one.point;
+            let x = turned + self.pose.translation;
+            let Some(at) = self.camera.project(x) else {
+                cost += SCALE * (UNSEEN / SCALE).ln_1p();
+                continue;
+            };
+            let miss = at - one.at_px;
+            let doubt = miss.length_squared() / SCALE;
+            cost += SCALE * doubt.ln_1p();
+            let plane = [DVec3::new(1.0, 0.0, -x.x / x.z) / x.z, DVec3::new(0.0, 1.0, -x.y / x.z) / x.z];
+            let (u, v) = (one.slope.x_axis, one.slope.y_axis);
+            let shift = [plane[0] * u.x + plane[1] * v.x, plane[0] * u.y + plane[1] * v.y];
+            let from_centre = at - self.camera.principal_px;
+            add(&Row { miss, shift, turned, from_centre, weight: (1.0 + doubt).recip() });
+        }
+        cost
+    }
+
+    fn moved_pose(&self, turn: [f64; 3], shift: [f64; 3]) -> Pose {
+        Pose {
+            rotation: (DQuat::from_scaled_axis(turn.into()) * self.pose.rotation).normalize(),
+            translation: self.pose.translation + DVec3::from(shift),
+        }
+    }
+}
+
+impl Problem<6> for Reprojection<'_> {
+    fn linearise(&self) -> Linearised<6> {
+        let mut sum = Linearised::ZERO;
+        sum.cost = self.each(|row| {
+            for (i, shift) in row.shift.into_iter().enumerate() {
+                let turn = row.turned.cross(shift);
+                sum.add(row.miss[i], &[turn.x, turn.y, turn.z, shift.x, shift.y, shift.z], row.weight);
+            }
+        });
+        sum
+    }
+
+    fn moved(&self, step: &[f64; 6]) -> Self {
+        let pose = self.moved_pose([step[0], step[1], step[2]], [step[3], step[4], step[5]]);
+        Self { pose, ..*self }
+    }
+}
+
+/// The seventh number is the logarithm of the focal length.
+impl Problem<7> for Reprojection<'_> {
+    fn linearise(&self) -> Linearised<7> {
+        let mut sum = Linearised::ZERO;
+        sum.cost = self.each(|row| {
+            for (i, shift) in row.shift.into_iter().enumerate() {
+                let turn = row.turned.cross(shift);
+                let slope = [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z, row.from_centre[i]];
+                sum.add(row.miss[i], &slope, row.weight);
+            }
+        });
+        sum
+    }
+
+    fn moved(&self, step: &[f64; 7]) -> Self {
+        let pose = self.moved_pose([step[0], step[1], step[2]], [step[3], step[4], step[5]]);
+        let camera = Camera { focal_px: self.camera.focal_px * step[6].exp(), ..self.camera };
+        Self { camera, pose, seen: self.seen }
+    }
+}

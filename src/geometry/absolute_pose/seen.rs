@@ -1,0 +1,132 @@
+use glam::{DMat2, DMat3, DVec2, DVec3};
+use pulp::{Arch, Simd, WithSimd};
+
+use super::slope::pixel_slope;
+use crate::geometry::{Camera, Pose};
+
+pub(super) const LANES: usize = 8;
+
+/// A known point and where the camera sees it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen {
+    pub point: DVec3,
+    pub at_px: DVec2,
+    pub ray: DVec2,
+    /// Derivative of the pixel position by the position on the plane z = 1.
+    pub slope: DMat2,
+    /// Where it stood in the caller's lists.
+    pub given: u32,
+}
+
+/// All points that are finite and seen where the lens covers something.
+pub(super) fn seen(camera: &Camera, at_px: &[DVec2], points: &[DVec3]) -> Vec<Seen> {
+    let one = |(given, (&at_px, &point)): (usize, (&DVec2, &DVec3))| {
+        let ray = camera.unproject(at_px);
+        let finite = at_px.is_finite() && point.is_finite() && ray.is_finite();
+        let slope = if finite { pixel_slope(camera, ray)? } else { return None };
+        slope.is_finite().then_some(Seen { point, at_px, ray, slope, given: given as u32 })
+    };
+    at_px.iter().zip(points).enumerate().filter_map(one).collect()
+}
+
+/// Eight of them side by side; places without one hold NaN, which no pose explains.
+#[derive(Debug, Clone, Copy)]
+struct Block {
+    point: [[f64; LANES]; 3],
+    ray: [[f64; LANES]; 2],
+    slope: [[f64; LANES]; 4],
+}
+
+/// Points as a kernel reads them.
+pub(super) struct Blocks {
+    blocks: Vec<Block>,
+    empty: usize,
+    limit: f64,
+    arch: Arch,
+}
+
+impl Blocks {
+    pub fn new(seen: &[Seen], max_error_px: f64) -> Self {
+        let nan = [f64::NAN; LANES];
+        let mut blocks = vec![Block { point: [nan; 3], ray: [nan; 2], slope: [nan; 4] }; seen.len().div_ceil(LANES)];
+        for (place, one) in seen.iter().enumerate() {
+            let (block, lane) = (&mut blocks[place / LANES], place % LANES);
+            (0..3).for_each(|i| block.point[i][lane] = one.point[i]);
+            (0..2).for_each(|i| block.ray[i][lane] = one.ray[i]);
+            let slope = one.slope.to_cols_array();
+            (0..4).for_each(|i| block.slope[i][lane] = slope[i]);
+        }
+        let empty = blocks.len() * LANES - seen.len();
+        Self { blocks, empty, limit: max_error_px * max_error_px, arch: Arch::new() }
+    }
+
+    /// Sum of squared errors cut off at the limit; stops early above `enough`.
+    pub fn cost(&self, pose: &Pose, enough: f64) -> f64 {
+        let (rotation, translation) = (DMat3::from_quat(pose.rotation), pose.translation);
+        self.arch.dispatch(Cost { blocks: self, rotation, translation, enough })
+    }
+
+    /// Places whose squared error is below the limit, ascending.
+    pub fn within(&self, pose: &Pose) -> Vec<u32> {
+        let rotation = DMat3::from_quat(pose.rotation);
+        let mut places = Vec::new();
+        for (at, block) in self.blocks.iter().enumerate() {
+            let errors = errors(&rotation, pose.translation, block);
+            places.extend((0..LANES).filter(|&lane| errors[lane] < self.limit).map(|lane| (at * LANES + lane) as u32));
+        }
+        places
+    }
+}
+
+struct Cost<'a> {
+    blocks: &'a Blocks,
+    rotation: DMat3,
+    translation: DVec3,
+    enough: f64,
+}
+
+impl WithSimd for Cost<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f64 {
+        let Blocks { blocks, empty, limit, .. } = self.blocks;
+        let mut total = -limit * *empty as f64;
+        for chunk in blocks.chunks(BLOCKS_BETWEEN_CHECKS) {
+            let mut sums = [0.0; LANES];
+            for block in chunk {
+                let errors = errors(&self.rotation, self.translation, block);
+                for lane in 0..LANES {
+                    // NaN compares false and costs the limit.
+                    sums[lane] += if errors[lane] < *limit { errors[lane] } else { *limit };
+                }
+            }
+            total += sums.iter().sum::<f64>();
+            if total > self.enough {
+                break;
+            }
+        }
+        total
+    }
+}
+
+/// How many blocks are summed between two looks at the sum.
+const BLOCKS_BETWEEN_CHECKS: usize = 8;
+
+/// Squared reprojection errors in pixels, the lens taken to first order around where each point is seen; infinite behind
+/// the camera.
+#[inline(always)]
+fn errors(r: &DMat3, t: DVec3, b: &Block) -> [f64; LANES] {
+    let mut errors = [0.0; LANES];
+    for (lane, error) in errors.iter_mut().enumerate() {
+        let [x, y, z] = [b.point[0][lane], b.point[1][lane], b.point[2][lane]];
+        let depth = r.x_axis.z * x + r.y_axis.z * y + r.z_axis.z * z + t.z;
+        let near = depth.recip();
+        let u = (r.x_axis.x * x + r.y_axis.x * y + r.z_axis.x * z + t.x) * near - b.ray[0][lane];
+        let v = (r.x_axis.y * x + r.y_axis.y * y + r.z_axis.y * z + t.y) * near - b.ray[1][lane];
+        let du = b.slope[0][lane] * u + b.slope[2][lane] * v;
+        let dv = b.slope[1][lane] * u + b.slope[3][lane] * v;
+        *error = if depth > 0.0 { du * du + dv * dv } else { f64::INFINITY };
+    }
+    errors
+}

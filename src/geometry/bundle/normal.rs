@@ -1,0 +1,128 @@
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+
+use super::arrange::Layout;
+use super::conjugate;
+use super::groups::{Factors, Groups};
+use super::kernel::{BLOCK, Column, subtract_products};
+use super::linearise::{Derivatives, Linearise};
+use super::piece::Piece;
+use super::skyline::{Row, Skyline};
+use super::state::State;
+
+/// Pieces whose derivatives are held at once.
+const WAVE: usize = 8;
+/// Multiplications up to which the equations are factored (about 400 images that all see the same); beyond, they are
+/// solved by conjugate gradients.
+const DIRECT_WORK: f64 = 2.5e9;
+/// An unknown whose own curvature is below this share of its block's largest is damped as if it had this share.
+const LEAST_CURVATURE: f64 = 1e-12;
+
+/// The damped normal equations of poses and intrinsics, the points eliminated.
+#[derive(Debug, Clone)]
+pub(super) struct Normal {
+    pub matrix: Skyline,
+    pub right: Vec<Column>,
+    /// The curvature of each unknown before the points are eliminated.
+    curvature: Vec<Column>,
+    wave: Vec<Derivatives>,
+}
+
+impl Normal {
+    pub fn new(layout: &Layout) -> Self {
+        let zero = vec![[0.0; BLOCK]; layout.len()];
+        let matrix = Skyline::new(&layout.first);
+        Self { matrix, right: zero.clone(), curvature: zero, wave: vec![Derivatives::default(); WAVE] }
+    }
+
+    /// Builds the equations at `state`. Each row of blocks is summed by one thread in the order of the pieces, so that
+    /// the number of threads does not matter.
+    pub fn build(&mut self, pieces: &[Piece], layout: &Layout, state: &State, damping: f64) {
+        for row in &mut self.matrix.rows {
+            row.blocks.fill([[0.0; BLOCK]; BLOCK]);
+        }
+        self.right.fill([0.0; BLOCK]);
+        self.curvature.fill([0.0; BLOCK]);
+        let arch = Arch::new();
+        for pieces in pieces.chunks(WAVE) {
+            let wave = &mut self.wave[..pieces.len()];
+            let fill = |(piece, out)| arch.dispatch(Linearise { piece, layout, state, damping, out });
+            pieces.par_iter().zip(wave.par_iter_mut()).for_each(fill);
+            let rows = self.matrix.rows.par_iter_mut().zip(&mut self.right).zip(&mut self.curvature).enumerate();
+            let wave = &*wave;
+            rows.for_each(|(block, ((row, right), curvature))| {
+                for (piece, derivatives) in pieces.iter().zip(wave) {
+                    let (groups, factors) = (&piece.by_sighting, &derivatives.by_sighting);
+                    arch.dispatch(Add { block, curvature: Some(curvature), row, right, groups, factors });
+                    let (groups, factors) = (&piece.by_point, &derivatives.by_point);
+                    arch.dispatch(Add { block, curvature: None, row, right, groups, factors });
+                }
+            });
+        }
+        self.damp(damping);
+    }
+
+    /// The step of all poses and intrinsics; `None` where the equations cannot be solved. The matrix is lost.
+    pub fn solve(&mut self) -> Option<Vec<Column>> {
+        if self.matrix.work() > DIRECT_WORK {
+            return conjugate::solve(&self.matrix, &self.right);
+        }
+        if !self.matrix.factor() {
+            return None;
+        }
+        let mut step = self.right.clone();
+        self.matrix.solve(&mut step);
+        step.iter().flatten().all(|v| v.is_finite()).then_some(step)
+    }
+
+    /// Adds to the diagonal; an unknown that nothing depends on is made to stay.
+    fn damp(&mut self, damping: f64) {
+        for ((row, right), curvature) in self.matrix.rows.iter_mut().zip(&mut self.right).zip(&self.curvature) {
+            let Some(block) = row.blocks.last_mut() else { continue };
+            let largest = curvature.iter().fold(0.0f64, |a, &b| a.max(b));
+            for (i, &own) in curvature.iter().enumerate() {
+                if own > 0.0 {
+                    block[i][i] += damping * own.max(LEAST_CURVATURE * largest);
+                } else {
+                    (block[i][i], right[i]) = (1.0, 0.0);
+                }
+            }
+        }
+    }
+}
+
+/// Adds the products of one block row's entries with their partners, and their right-hand sides; takes them away where
+/// no curvature is to be summed.
+struct Add<'a, const K: usize> {
+    block: usize,
+    curvature: Option<&'a mut Column>,
+    row: &'a mut Row,
+    right: &'a mut Column,
+    groups: &'a Groups,
+    factors: &'a Factors<K>,
+}
+
+impl<const K: usize> WithSimd for Add<'_, K> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { block, mut curvature, row, right, groups, factors } = self;
+        let sign = if curvature.is_some() { -1.0 } else { 1.0 };
+        for (entry, group, partners) in groups.of_block(block) {
+            let signed = factors.columns[entry].map(|column| column.map(|v| sign * v));
+            for (column, value) in signed.iter().zip(&factors.values[group]) {
+                for (sum, entry) in right.iter_mut().zip(column) {
+                    *sum += entry * value;
+                }
+                for (sum, entry) in curvature.iter_mut().flat_map(|c| c.iter_mut()).zip(column) {
+                    *sum += entry * entry;
+                }
+            }
+            for partner in partners {
+                let target = &mut row.blocks[groups.blocks[partner] as usize - row.first];
+                subtract_products(target, &signed, &factors.columns[partner]);
+            }
+        }
+    }
+}

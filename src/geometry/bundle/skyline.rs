@@ -1,0 +1,163 @@
+use pulp::{Arch, Simd, WithSimd};
+
+use super::kernel::{BLOCK, Block, Column, dot, subtract_products};
+
+/// A symmetric matrix of blocks of six, of which each block row is kept from its first block that is not zero to the
+/// diagonal: factoring fills nothing left of that (A. Jennings, *A compact storage scheme for the solution of symmetric
+/// linear simultaneous equations*, The Computer Journal 1966).
+#[derive(Debug, Clone, Default)]
+pub(super) struct Skyline {
+    pub rows: Vec<Row>,
+}
+
+/// One row of blocks.
+#[derive(Debug, Clone)]
+pub(super) struct Row {
+    /// The first block that is kept.
+    pub first: usize,
+    /// From the first to that on the diagonal.
+    pub blocks: Vec<Block>,
+}
+
+/// A pivot below this share of the entry it began as counts as zero.
+const PIVOT: f64 = 1e-13;
+
+struct Factor<'a>(&'a mut Skyline);
+
+impl WithSimd for Factor<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> bool {
+        (0..self.0.rows.len()).all(|i| self.0.factor_row(i))
+    }
+}
+
+impl Skyline {
+    /// All zero; `first` holds the first block of each row.
+    pub fn new(first: &[usize]) -> Self {
+        let row = |(i, &first): (usize, &usize)| Row { first, blocks: vec![[[0.0; BLOCK]; BLOCK]; i + 1 - first] };
+        Self { rows: first.iter().enumerate().map(row).collect() }
+    }
+
+    /// Multiplications that [`Self::factor`] takes.
+    pub fn work(&self) -> f64 {
+        let of = |row: &Row| (row.blocks.len() * row.blocks.len()) as f64;
+        0.5 * (BLOCK * BLOCK * BLOCK) as f64 * self.rows.iter().map(of).sum::<f64>()
+    }
+
+    /// Replaces the matrix by its Cholesky factor; `false` where it is not positive definite.
+    pub fn factor(&mut self) -> bool {
+        Arch::new().dispatch(Factor(self))
+    }
+
+    #[inline(always)]
+    fn factor_row(&mut self, i: usize) -> bool {
+        let (done, rest) = self.rows.split_at_mut(i);
+        let Row { first, blocks } = &mut rest[0];
+        for (j, row) in done.iter().enumerate().skip(*first) {
+            let from = row.first.max(*first);
+            let (left, right) = blocks.split_at_mut(j - *first);
+            let Some((diagonal, others)) = row.blocks.split_last() else { return false };
+            let target = &mut right[0];
+            subtract_products(target, left[from - *first..].as_flattened(), others[from - row.first..].as_flattened());
+            divide(target, diagonal);
+        }
+        let Some((diagonal, others)) = blocks.split_last_mut() else { return false };
+        let before = *diagonal;
+        subtract_products(diagonal, others.as_flattened(), others.as_flattened());
+        factor_block(diagonal, &before)
+    }
+
+    /// Solves for a right-hand side with the factor, in place.
+    pub fn solve(&self, x: &mut [Column]) {
+        for (i, row) in self.rows.iter().enumerate() {
+            let (before, rest) = x.split_at_mut(i);
+            for (block, known) in row.blocks.iter().zip(&before[row.first..]) {
+                subtract_product(&mut rest[0], block, known);
+            }
+            forward(&row.blocks[row.blocks.len() - 1], &mut rest[0]);
+        }
+        for (i, row) in self.rows.iter().enumerate().rev() {
+            let (before, rest) = x.split_at_mut(i);
+            backward(&row.blocks[row.blocks.len() - 1], &mut rest[0]);
+            for (block, other) in row.blocks.iter().zip(&mut before[row.first..]) {
+                for (value, column) in other.iter_mut().zip(block) {
+                    *value -= dot(column, &rest[0]);
+                }
+            }
+        }
+    }
+}
+
+/// `target −= block · x`.
+#[inline(always)]
+pub(super) fn subtract_product(target: &mut Column, block: &Block, x: &Column) {
+    for (column, x) in block.iter().zip(x) {
+        for (value, entry) in target.iter_mut().zip(column) {
+            *value -= entry * x;
+        }
+    }
+}
+
+/// `block := block · L⁻ᵀ`; factors keep the inverse of their diagonal.
+#[inline(always)]
+fn divide(block: &mut Block, factor: &Block) {
+    for c in 0..BLOCK {
+        let (done, rest) = block.split_at_mut(c);
+        for (before, entries) in done.iter().zip(factor) {
+            for (value, before) in rest[0].iter_mut().zip(before) {
+                *value -= before * entries[c];
+            }
+        }
+        for value in &mut rest[0] {
+            *value *= factor[c][c];
+        }
+    }
+}
+
+/// Cholesky factor of a block that was `before` on the diagonal of the whole matrix.
+#[inline(always)]
+pub(super) fn factor_block(block: &mut Block, before: &Block) -> bool {
+    for c in 0..BLOCK {
+        let (done, rest) = block.split_at_mut(c);
+        let column = &mut rest[0];
+        for before in done.iter() {
+            for r in c..BLOCK {
+                column[r] -= before[r] * before[c];
+            }
+        }
+        let pivot = column[c];
+        if pivot.is_nan() || pivot <= PIVOT * before[c][c] {
+            return false;
+        }
+        let inverse = 1.0 / pivot.sqrt();
+        for value in &mut column[c + 1..] {
+            *value *= inverse;
+        }
+        column[c] = inverse;
+    }
+    true
+}
+
+/// `x := L⁻¹ x` with a factored block.
+#[inline(always)]
+pub(super) fn forward(factor: &Block, x: &mut Column) {
+    for c in 0..BLOCK {
+        x[c] *= factor[c][c];
+        for r in c + 1..BLOCK {
+            x[r] -= factor[c][r] * x[c];
+        }
+    }
+}
+
+/// `x := L⁻ᵀ x` with a factored block.
+#[inline(always)]
+pub(super) fn backward(factor: &Block, x: &mut Column) {
+    for c in (0..BLOCK).rev() {
+        for r in c + 1..BLOCK {
+            x[c] -= factor[c][r] * x[r];
+        }
+        x[c] *= factor[c][c];
+    }
+}

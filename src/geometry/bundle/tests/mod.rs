@@ -1,0 +1,5 @@
+mod behaviour;
+mod jacobians;
+mod recovery;
+mod scene;
+mod solving;

@@ -1,0 +1,136 @@
+use glam::{DMat3, DVec2, DVec3};
+use nalgebra::{Matrix3, Vector3};
+
+use super::constraints::essential_constraints;
+use super::null_space::{epipolar_equation, from_rows, null_space};
+use super::real_roots::real_roots;
+
+/// The up to ten essential matrices `E` with `x2ᵀ E x1 = 0` for five pairs of rays `[x1, x2]` (D. Nistér, *An Efficient
+/// Solution to the Five-Point Relative Pose Problem*, PAMI 2004). Frobenius norm 1; none where the five pairs do not fix
+/// it, as for rays told twice.
+#[must_use]
+pub fn five_point(pairs: &[[DVec2; 2]; 5]) -> Vec<DMat3> {
+    let Some(basis) = null_space::<5, 4>(pairs.map(epipolar_equation)) else { return Vec::new() };
+    let Some(reduced) = eliminate(essential_constraints(&basis)) else { return Vec::new() };
+    let rows = [0, 2, 4].map(|first| InZ::from_pair(&reduced[first], &reduced[first + 1]));
+    let roots = real_roots(&determinant(&rows)).into_iter();
+    let basis = basis.map(|entries| from_rows(&entries));
+    roots.filter_map(|z| polished(&basis, solve_at(&rows, z)?)).collect()
+}
+
+/// Gauss–Jordan elimination with pivots by rows of the first ten monomials; the rows that then begin with x²z, x²,
+/// y²z, y², xyz, xy, from the eleventh monomial on.
+fn eliminate(mut equations: [[f64; 20]; 10]) -> Option<[[f64; 10]; 6]> {
+    for column in 0..10 {
+        let pivot = (column..10).max_by(|&a, &b| equations[a][column].abs().total_cmp(&equations[b][column].abs()))?;
+        equations.swap(column, pivot);
+        let lead = equations[column][column];
+        if lead.is_nan() || lead.abs() < f64::MIN_POSITIVE {
+            return None;
+        }
+        let mut row = equations[column];
+        row.iter_mut().for_each(|v| *v /= lead);
+        equations[column] = row;
+        // The first four rows are not needed further on.
+        for other in (4..10).chain(column + 1..4).filter(|&other| other != column) {
+            let share = equations[other][column];
+            equations[other].iter_mut().zip(&row).for_each(|(v, r)| *v -= share * r);
+        }
+    }
+    Some(std::array::from_fn(|i| std::array::from_fn(|k| equations[i + 4][k + 10])))
+}
+
+/// `x(z) · x + y(z) · y + one(z) = 0`, coefficients from the lowest power.
+struct InZ {
+    x: [f64; 4],
+    y: [f64; 4],
+    one: [f64; 5],
+}
+
+impl InZ {
+    /// The first row less z times the second: the leading monomials cancel.
+    fn from_pair(a: &[f64; 10], b: &[f64; 10]) -> Self {
+        let cubic = |first: usize| [a[first + 2], a[first + 1] - b[first + 2], a[first] - b[first + 1], -b[first]];
+        let one = [a[9], a[8] - b[9], a[7] - b[8], a[6] - b[7], -b[6]];
+        Self { x: cubic(0), y: cubic(3), one }
+    }
+
+    fn at(&self, z: f64) -> DVec3 {
+        let value = |coefficients: &[f64]| coefficients.iter().rev().fold(0.0, |sum, c| sum * z + c);
+        DVec3::new(value(&self.x), value(&self.y), value(&self.one))
+    }
+}
+
+/// The determinant of the three equations, of degree 10 in z.
+fn determinant(rows: &[InZ; 3]) -> [f64; 11] {
+    let mut sum = [0.0; 11];
+    for [i, j, k] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
+        let mut minor = [0.0; 7];
+        for (a, (xi, yi)) in rows[i].x.iter().zip(&rows[i].y).enumerate() {
+            for (b, (xj, yj)) in rows[j].x.iter().zip(&rows[j].y).enumerate() {
+                minor[a + b] += xi * yj - yi * xj;
+            }
+        }
+        for (a, m) in minor.iter().enumerate() {
+            rows[k].one.iter().enumerate().for_each(|(b, one)| sum[a + b] += m * one);
+        }
+    }
+    sum
+}
+
+/// The shares of the basis that go with a root z, norm 1: x and y are at right angles to all three equations.
+fn solve_at(rows: &[InZ; 3], z: f64) -> Option<[f64; 4]> {
+    let [a, b, c] = [0, 1, 2].map(|i| rows[i].at(z));
+    let candidates = [a.cross(b), b.cross(c), c.cross(a)];
+    let best = candidates.into_iter().max_by(|u, v| u.z.abs().total_cmp(&v.z.abs()))?;
+    let shares = [best.x / best.z, best.y / best.z, z, 1.0];
+    let norm = shares.iter().map(|v| v * v).sum::<f64>().sqrt();
+    norm.is_finite().then(|| shares.map(|v| v / norm))
+}
+
+/// Steps of Gauss and Newton on the constraints.
+const POLISH_STEPS: usize = 4;
+/// Squared norm of the constraints that rounding leaves.
+const EXACT: f64 = 1e-24;
+/// Squared norm above which a root was none.
+const NO_ROOT: f64 = 1e-14;
+
+/// Elimination loses digits where pivots are small; a few steps on the constraints themselves bring them back.
+fn polished(basis: &[DMat3; 4], mut shares: [f64; 4]) -> Option<DMat3> {
+    let matrix = |shares: [f64; 4]| (0..4).fold(DMat3::ZERO, |sum, k| sum + basis[k] * shares[k]);
+    for _ in 0..POLISH_STEPS {
+        let e = matrix(shares);
+        let miss = constraint(e);
+        if inner(miss, miss) < EXACT {
+            break;
+        }
+        // The largest share stays: the scale of E means nothing.
+        let fixed = (0..4).max_by(|&i, &k| shares[i].abs().total_cmp(&shares[k].abs()))?;
+        let free = [1, 2, 3].map(|k| (fixed + k) % 4);
+        let slopes = free.map(|k| constraint_slope(e, basis[k]));
+        let normal = Matrix3::from_fn(|i, k| inner(slopes[i], slopes[k]));
+        let towards = Vector3::from_fn(|i, _| inner(slopes[i], miss));
+        let step = normal.cholesky()?.solve(&towards);
+        (0..3).for_each(|i| shares[free[i]] -= step[i]);
+    }
+    let e = matrix(shares);
+    let norm = inner(e, e).sqrt();
+    let e = e * (1.0 / norm);
+    let miss = constraint(e);
+    (inner(miss, miss) < NO_ROOT).then_some(e)
+}
+
+/// `2 E Eᵀ E − trace(E Eᵀ) E`, zero for essential matrices and only for them: its determinant's equation follows.
+fn constraint(e: DMat3) -> DMat3 {
+    2.0 * (e * (e.transpose() * e)) - inner(e, e) * e
+}
+
+/// Derivative of [`constraint`] in the direction `d`.
+fn constraint_slope(e: DMat3, d: DMat3) -> DMat3 {
+    let turned = e.transpose();
+    2.0 * (d * (turned * e) + e * (d.transpose() * e) + e * (turned * d)) - 2.0 * inner(e, d) * e - inner(e, e) * d
+}
+
+fn inner(a: DMat3, b: DMat3) -> f64 {
+    a.x_axis.dot(b.x_axis) + a.y_axis.dot(b.y_axis) + a.z_axis.dot(b.z_axis)
+}

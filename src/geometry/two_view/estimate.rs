@@ -1,0 +1,180 @@
+use glam::{DMat3, DVec2};
+
+use super::in_front::motion_in_front;
+use super::matched::Matched;
+use super::models::{Essential, Fundamental, Homography, Rotation};
+use super::options::{TwoView, TwoViewKind, TwoViewOptions};
+use super::refine::refine_fundamental;
+use crate::geometry::Camera;
+use crate::geometry::epipolar::fundamental_in_pixels;
+use crate::geometry::ransac::{Consensus, Estimator, RansacOptions, consensus};
+
+/// An essential matrix with at least this share of a fundamental matrix's inliers is the better explanation.
+const CALIBRATED_SHARE: f64 = 0.95;
+/// A homography or rotation with more than this share of the inliers explains them alone.
+const SIMPLE_SHARE: f64 = 0.8;
+/// Samples after which a search that found nothing ends; for models of more and of fewer freedoms.
+const VAIN: usize = 300;
+const VAIN_SIMPLE: usize = 300;
+/// A wrong focal length leaves errors of a few times the threshold, which a fundamental matrix is to take in.
+const WIDE: f64 = 3.0;
+/// Samples among matches that are inliers of another model already.
+const AMONG_INLIERS: usize = 100;
+
+/// Which matches between two pictures agree with one motion, of what kind the agreement is, and the motion; `None` where
+/// fewer than `min_inliers` agree, or no more than chance lets agree.
+///
+/// `matches_px` are positions in the first and second picture. `calibrated` tells that the intrinsics of both cameras
+/// are known; otherwise a fundamental matrix or a homography decides about inliers, and the motion is the best under the
+/// intrinsics given. The kinds are told apart as by J. Schönberger, J.-M. Frahm, *Structure-from-Motion Revisited*, CVPR
+/// 2016.
+#[must_use]
+pub fn estimate_two_view(
+    cameras: [&Camera; 2],
+    calibrated: bool,
+    matches_px: &[[DVec2; 2]],
+    options: &TwoViewOptions,
+) -> Option<TwoView> {
+    if matches_px.len() < options.min_inliers {
+        return None;
+    }
+    let matched = Matched::new(cameras, matches_px, options.max_error_px);
+    let search = Search { cameras, matched: &matched, options };
+    if calibrated { search.calibrated() } else { search.uncalibrated() }
+}
+
+struct Search<'a> {
+    cameras: [&'a Camera; 2],
+    matched: &'a Matched,
+    options: &'a TwoViewOptions,
+}
+
+impl Search<'_> {
+    fn calibrated(&self) -> Option<TwoView> {
+        let Some(essential) = self.seek(&Essential(self.matched), VAIN, self.chance_of_band()) else {
+            return Some(self.panoramic(&self.seek_simple(&Rotation(self.matched))?.inliers));
+        };
+        let inside = self.matched.chosen(&essential.inliers);
+        if let Some(turn) = self.most(&Rotation(&inside)) {
+            return Some(self.panoramic(&Rotation(self.matched).inliers(&turn)));
+        }
+        let kind = if self.most(&Homography(&inside)).is_some() {
+            TwoViewKind::Planar
+        } else if CALIBRATED_SHARE * self.freed(essential.model) > inside.pairs.len() as f64 {
+            return self.uncalibrated();
+        } else {
+            TwoViewKind::Calibrated
+        };
+        Some(self.told(kind, &essential.inliers, Some(essential.model), Some(essential.model)))
+    }
+
+    fn uncalibrated(&self) -> Option<TwoView> {
+        let any = self.seek(&Fundamental(self.matched), VAIN, self.chance_of_band());
+        let plane = match &any {
+            // What explains most inliers of the one is found among them.
+            Some(any) => self.among(&Homography(&self.matched.chosen(&any.inliers))),
+            None => self.seek_simple(&Homography(self.matched)),
+        };
+        let on_plane = plane.map_or_else(Vec::new, |plane| Homography(self.matched).inliers(&plane.model));
+        let flat = on_plane.len() as f64 > SIMPLE_SHARE * any.as_ref().map_or(0.0, |any| any.inliers.len() as f64);
+        let agreed = match &any {
+            Some(any) if any.inliers.len() >= on_plane.len() => &any.inliers,
+            _ => &on_plane,
+        };
+        if agreed.is_empty() {
+            return None;
+        }
+        let inside = self.matched.chosen(agreed);
+        if flat && self.most(&Rotation(&inside)).is_some() {
+            return Some(self.panoramic(agreed));
+        }
+        let essential = self.among(&Essential(&inside)).map(|found| found.model);
+        let (kind, fundamental) = match &any {
+            Some(any) if !flat => (TwoViewKind::Uncalibrated, Some(any.model)),
+            _ => (TwoViewKind::Planar, essential),
+        };
+        Some(self.told(kind, agreed, fundamental, essential))
+    }
+
+    fn seek<E: Estimator>(&self, estimator: &E, max_vain: usize, chance: f64) -> Option<Consensus<E::Model>> {
+        let by_chance = chance * self.matched.pairs.len() as f64;
+        // What random matches reach: a sample's own, those that fall into the band, and the luck of many samples.
+        let lucky = (E::SAMPLE as f64 + by_chance + 4.0 * by_chance.sqrt()).ceil() as usize;
+        let found = consensus(estimator, &self.ransac(max_vain, self.options.min_inliers.max(lucky)))?;
+        self.spread_out(&found.inliers).then_some(found)
+    }
+
+    /// A plane or rotation where no motion was found.
+    fn seek_simple<E: Estimator>(&self, estimator: &E) -> Option<Consensus<E::Model>> {
+        self.seek(estimator, VAIN_SIMPLE, 0.0)
+    }
+
+    /// A model that most matches of a few agree on, which are inliers of another model already.
+    fn among<E: Estimator>(&self, estimator: &E) -> Option<Consensus<E::Model>> {
+        let options = RansacOptions { max_iterations: AMONG_INLIERS, ..self.ransac(AMONG_INLIERS, E::SAMPLE) };
+        consensus(estimator, &options)
+    }
+
+    /// The model of [`Self::among`] where it explains nearly all.
+    fn most<E: Estimator>(&self, estimator: &E) -> Option<E::Model> {
+        let found = self.among(estimator)?;
+        (found.inliers.len() as f64 > SIMPLE_SHARE * estimator.count() as f64).then_some(found.model)
+    }
+
+    /// How many matches agree with the best fundamental matrix near an essential matrix, less those that its two more
+    /// freedoms bring to agree whatever they are.
+    fn freed(&self, essential: DMat3) -> f64 {
+        let wide = refine_fundamental(self.matched, essential, WIDE);
+        let near = wide.and_then(|wide| refine_fundamental(self.matched, wide, 1.0));
+        near.map_or(0.0, |f| Fundamental(self.matched).inliers(&f).len() as f64 - 2.0)
+    }
+
+    fn ransac(&self, max_vain: usize, min_inliers: usize) -> RansacOptions {
+        let TwoViewOptions { confidence, max_iterations, seed, .. } = *self.options;
+        RansacOptions { confidence, max_iterations, max_vain, min_inliers, seed }
+    }
+
+    /// The share of the second picture within the threshold of a line across it.
+    fn chance_of_band(&self) -> f64 {
+        let [w, h] = [self.cameras[1].width, self.cameras[1].height].map(|side| f64::from(side.max(1)));
+        (2.0 * self.options.max_error_px * w.hypot(h) / (w * h)).min(1.0)
+    }
+
+    /// Whether inliers lie neither in one place nor in one line in either picture, where they fix no motion.
+    fn spread_out(&self, places: &[u32]) -> bool {
+        [0, 1].into_iter().all(|side| {
+            let at = || places.iter().map(|&place| self.matched.pairs[place as usize][side]);
+            let count = places.len() as f64;
+            let mean = at().sum::<DVec2>() / count;
+            let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+            for d in at().map(|x| (x - mean) * self.cameras[side].focal_px) {
+                (xx, xy, yy) = (xx + d.x * d.x, xy + d.x * d.y, yy + d.y * d.y);
+            }
+            let width_squared = (0.5 * (xx + yy) - (0.5 * (xx - yy)).hypot(xy)) / count;
+            width_squared > 0.25 * self.options.max_error_px * self.options.max_error_px
+        })
+    }
+
+    fn panoramic(&self, places: &[u32]) -> TwoView {
+        self.told(TwoViewKind::Panoramic, places, None, None)
+    }
+
+    fn told(&self, kind: TwoViewKind, places: &[u32], fundamental: Option<DMat3>, essential: Option<DMat3>) -> TwoView {
+        let pairs: Vec<[DVec2; 2]> = places.iter().map(|&place| self.matched.pairs[place as usize]).collect();
+        let motion = essential.and_then(|essential| motion_in_front(essential, &pairs));
+        TwoView {
+            kind,
+            second_from_first: motion.as_ref().map(|m| m.second_from_first),
+            inliers: self.given(places),
+            parallax: motion.map_or(0.0, |m| m.parallax),
+            fundamental: fundamental.map(|f| fundamental_in_pixels(f, self.cameras)),
+        }
+    }
+
+    /// Indices in the caller's list, ascending.
+    fn given(&self, places: &[u32]) -> Vec<u32> {
+        let mut given: Vec<u32> = places.iter().map(|&place| self.matched.given[place as usize]).collect();
+        given.sort_unstable();
+        given
+    }
+}

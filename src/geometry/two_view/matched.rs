@@ -1,0 +1,173 @@
+use glam::{DMat3, DVec2};
+use pulp::{Arch, Simd, WithSimd};
+
+use super::support::by_support;
+use crate::geometry::Camera;
+use crate::geometry::absolute_pose::pixel_slope;
+
+/// Matches that are looked at side by side.
+pub(super) const LANES: usize = 8;
+
+/// Eight matches side by side: rays in both cameras, and the square of what a pixel is worth on the plane z = 1 there.
+/// Places without a match hold NaN, which no model explains.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Block {
+    pub x1: [f64; LANES],
+    pub y1: [f64; LANES],
+    pub x2: [f64; LANES],
+    pub y2: [f64; LANES],
+    pub pixel1: [f64; LANES],
+    pub pixel2: [f64; LANES],
+}
+
+const EMPTY: Block = Block {
+    x1: [f64::NAN; LANES],
+    y1: [f64::NAN; LANES],
+    x2: [f64::NAN; LANES],
+    y2: [f64::NAN; LANES],
+    pixel1: [f64::NAN; LANES],
+    pixel2: [f64::NAN; LANES],
+};
+
+/// Matches between two views as rays, best supported first.
+pub(super) struct Matched {
+    pub pairs: Vec<[DVec2; 2]>,
+    pub blocks: Vec<Block>,
+    /// Where each match stood in the caller's list.
+    pub given: Vec<u32>,
+    /// The squared threshold in square pixels.
+    pub limit: f64,
+    pub arch: Arch,
+}
+
+impl Matched {
+    /// Rays of all matches that both lenses cover.
+    pub fn new(cameras: [&Camera; 2], matches_px: &[[DVec2; 2]], max_error_px: f64) -> Self {
+        let mut rows = Vec::with_capacity(matches_px.len());
+        for index in by_support(cameras, matches_px) {
+            let at_px = matches_px[index as usize];
+            let rays = [0, 1].map(|side| cameras[side].unproject(at_px[side]));
+            let pixels = [0, 1].map(|side| square_of_pixel(cameras[side], rays[side]));
+            let finite = rays.iter().all(|ray| ray.is_finite()) && pixels.iter().all(|p| p.is_finite());
+            if finite {
+                rows.push((rays, pixels, index));
+            }
+        }
+        Self::from_rows(&rows, max_error_px * max_error_px)
+    }
+
+    /// Those at given places, in that order.
+    pub fn chosen(&self, places: &[u32]) -> Self {
+        let rows: Vec<Row> = places.iter().map(|&place| self.row(place as usize)).collect();
+        Self::from_rows(&rows, self.limit)
+    }
+
+    fn row(&self, place: usize) -> Row {
+        let (block, lane) = (&self.blocks[place / LANES], place % LANES);
+        (self.pairs[place], [block.pixel1[lane], block.pixel2[lane]], self.given[place])
+    }
+
+    fn from_rows(rows: &[Row], limit: f64) -> Self {
+        let mut blocks = vec![EMPTY; rows.len().div_ceil(LANES)];
+        for (place, (rays, pixels, _)) in rows.iter().enumerate() {
+            let (block, lane) = (&mut blocks[place / LANES], place % LANES);
+            (block.x1[lane], block.y1[lane]) = (rays[0].x, rays[0].y);
+            (block.x2[lane], block.y2[lane]) = (rays[1].x, rays[1].y);
+            (block.pixel1[lane], block.pixel2[lane]) = (pixels[0], pixels[1]);
+        }
+        let pairs = rows.iter().map(|row| row.0).collect();
+        let given = rows.iter().map(|row| row.2).collect();
+        Self { pairs, blocks, given, limit, arch: Arch::new() }
+    }
+
+    /// Sum of squared errors cut off at the limit; stops early above `enough`.
+    pub fn cost(&self, enough: f64, error: impl Fn(&Block) -> [f64; LANES]) -> f64 {
+        self.arch.dispatch(Cost { matched: self, enough, error })
+    }
+
+    /// Places whose squared error is below the limit, ascending.
+    pub fn within(&self, error: impl Fn(&Block) -> [f64; LANES]) -> Vec<u32> {
+        let mut places = Vec::with_capacity(self.pairs.len());
+        for (at, block) in self.blocks.iter().enumerate() {
+            let errors = error(block);
+            places.extend((0..LANES).filter(|&lane| errors[lane] < self.limit).map(|lane| (at * LANES + lane) as u32));
+        }
+        places
+    }
+}
+
+struct Cost<'a, F> {
+    matched: &'a Matched,
+    enough: f64,
+    error: F,
+}
+
+impl<F: Fn(&Block) -> [f64; LANES]> WithSimd for Cost<'_, F> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f64 {
+        let Matched { blocks, pairs, limit, .. } = self.matched;
+        // The empty places of the last block cost the limit each.
+        let mut total = -limit * (blocks.len() * LANES - pairs.len()) as f64;
+        for chunk in blocks.chunks(BLOCKS_BETWEEN_CHECKS) {
+            let mut sums = [0.0; LANES];
+            for block in chunk {
+                let errors = (self.error)(block);
+                for lane in 0..LANES {
+                    // NaN compares false and costs the limit.
+                    sums[lane] += if errors[lane] < *limit { errors[lane] } else { *limit };
+                }
+            }
+            total += sums.iter().sum::<f64>();
+            if total > self.enough {
+                break;
+            }
+        }
+        total
+    }
+}
+
+/// Rays, squares of a pixel, place in the caller's list.
+type Row = ([DVec2; 2], [f64; 2], u32);
+
+/// How many blocks are summed between two looks at the sum.
+const BLOCKS_BETWEEN_CHECKS: usize = 8;
+
+/// What a square pixel is worth on the plane z = 1; NaN where the lens covers nothing.
+fn square_of_pixel(camera: &Camera, ray: DVec2) -> f64 {
+    pixel_slope(camera, ray).map_or(f64::NAN, |slope| slope.determinant().recip())
+}
+
+/// Squared distances in pixels to first order (P. Sampson, *Fitting conic sections to "very scattered" data*, CGIP
+/// 1982) for `x2ᵀ m x1 = 0`.
+#[inline(always)]
+pub(super) fn epipolar_errors(m: &DMat3, b: &Block) -> [f64; LANES] {
+    let (c0, c1, c2) = (m.x_axis, m.y_axis, m.z_axis);
+    let mut errors = [0.0; LANES];
+    for (lane, error) in errors.iter_mut().enumerate() {
+        let (x1, y1, x2, y2) = (b.x1[lane], b.y1[lane], b.x2[lane], b.y2[lane]);
+        let line = [c0.x * x1 + c1.x * y1 + c2.x, c0.y * x1 + c1.y * y1 + c2.y, c0.z * x1 + c1.z * y1 + c2.z];
+        let back = [c0.x * x2 + c0.y * y2 + c0.z, c1.x * x2 + c1.y * y2 + c1.z];
+        let miss = x2 * line[0] + y2 * line[1] + line[2];
+        let spread = b.pixel2[lane] * (line[0] * line[0] + line[1] * line[1])
+            + b.pixel1[lane] * (back[0] * back[0] + back[1] * back[1]);
+        *error = miss * miss / spread;
+    }
+    errors
+}
+
+/// Squared distances in pixels of the second view between `x2` and where `h` sends `x1`.
+#[inline(always)]
+pub(super) fn transfer_errors(h: &DMat3, b: &Block) -> [f64; LANES] {
+    let (c0, c1, c2) = (h.x_axis, h.y_axis, h.z_axis);
+    let mut errors = [0.0; LANES];
+    for (lane, error) in errors.iter_mut().enumerate() {
+        let (x1, y1) = (b.x1[lane], b.y1[lane]);
+        let depth = (c0.z * x1 + c1.z * y1 + c2.z).recip();
+        let dx = (c0.x * x1 + c1.x * y1 + c2.x) * depth - b.x2[lane];
+        let dy = (c0.y * x1 + c1.y * y1 + c2.y) * depth - b.y2[lane];
+        *error = (dx * dx + dy * dy) / b.pixel2[lane];
+    }
+    errors
+}

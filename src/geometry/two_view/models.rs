@@ -1,0 +1,170 @@
+use glam::{DMat3, DVec2};
+use nalgebra::Matrix3;
+
+use super::matched::{Matched, epipolar_errors, transfer_errors};
+use super::refine::{refine_essential, refine_fundamental};
+use crate::geometry::ransac::Estimator;
+use crate::geometry::solvers::{five_point, homography, homography4, seven_point};
+
+/// `x2ᵀ E x1 = 0` with an essential matrix.
+pub(super) struct Essential<'a>(pub &'a Matched);
+/// `x2ᵀ F x1 = 0` with any singular matrix.
+pub(super) struct Fundamental<'a>(pub &'a Matched);
+/// `x2 ~ H x1`.
+pub(super) struct Homography<'a>(pub &'a Matched);
+/// `x2 ~ R x1` with a rotation.
+pub(super) struct Rotation<'a>(pub &'a Matched);
+
+fn sample_of<const N: usize>(matched: &Matched, sample: &[usize]) -> [[DVec2; 2]; N] {
+    std::array::from_fn(|i| matched.pairs[sample[i]])
+}
+
+/// Whether points of a sample can all lie in front of both cameras: `e2 × x2` and `m x1` then point the same way, or
+/// all the opposite way (O. Chum, T. Werner, J. Matas, *Epipolar Geometry Estimation via RANSAC Benefits from the
+/// Oriented Epipolar Constraint*, ICPR 2004).
+fn in_front(m: &DMat3, pairs: &[[DVec2; 2]]) -> bool {
+    let crosses = [m.x_axis.cross(m.y_axis), m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis)];
+    let epipole =
+        crosses.into_iter().fold(crosses[0], |a, b| if b.length_squared() > a.length_squared() { b } else { a });
+    let same_way = |[x1, x2]: &[DVec2; 2]| epipole.cross(x2.extend(1.0)).dot(*m * x1.extend(1.0)) > 0.0;
+    let first = same_way(&pairs[0]);
+    pairs[1..].iter().all(|pair| same_way(pair) == first)
+}
+
+impl Estimator for Essential<'_> {
+    type Model = DMat3;
+    const SAMPLE: usize = 5;
+
+    fn count(&self) -> usize {
+        self.0.pairs.len()
+    }
+
+    fn fit(&self, sample: &[usize], found: &mut Vec<DMat3>) {
+        let pairs = sample_of(self.0, sample);
+        found.extend(five_point(&pairs).into_iter().filter(|e| in_front(e, &pairs)));
+    }
+
+    fn cost(&self, model: &DMat3, enough: f64) -> f64 {
+        self.0.cost(
+            enough,
+            #[inline(always)]
+            |block| epipolar_errors(model, block),
+        )
+    }
+
+    fn inliers(&self, model: &DMat3) -> Vec<u32> {
+        self.0.within(|block| epipolar_errors(model, block))
+    }
+
+    fn refine(&self, model: &DMat3) -> Option<DMat3> {
+        refine_essential(self.0, *model)
+    }
+}
+
+impl Estimator for Fundamental<'_> {
+    type Model = DMat3;
+    const SAMPLE: usize = 7;
+
+    fn count(&self) -> usize {
+        self.0.pairs.len()
+    }
+
+    fn fit(&self, sample: &[usize], found: &mut Vec<DMat3>) {
+        let pairs = sample_of(self.0, sample);
+        found.extend(seven_point(&pairs).into_iter().filter(|f| in_front(f, &pairs)));
+    }
+
+    fn cost(&self, model: &DMat3, enough: f64) -> f64 {
+        self.0.cost(
+            enough,
+            #[inline(always)]
+            |block| epipolar_errors(model, block),
+        )
+    }
+
+    fn inliers(&self, model: &DMat3) -> Vec<u32> {
+        self.0.within(|block| epipolar_errors(model, block))
+    }
+
+    fn refine(&self, model: &DMat3) -> Option<DMat3> {
+        refine_fundamental(self.0, *model, 1.0)
+    }
+}
+
+impl Estimator for Homography<'_> {
+    type Model = DMat3;
+    const SAMPLE: usize = 4;
+
+    fn count(&self) -> usize {
+        self.0.pairs.len()
+    }
+
+    fn fit(&self, sample: &[usize], found: &mut Vec<DMat3>) {
+        found.extend(homography4(&sample_of(self.0, sample)));
+    }
+
+    fn cost(&self, model: &DMat3, enough: f64) -> f64 {
+        self.0.cost(
+            enough,
+            #[inline(always)]
+            |block| transfer_errors(model, block),
+        )
+    }
+
+    fn inliers(&self, model: &DMat3) -> Vec<u32> {
+        self.0.within(|block| transfer_errors(model, block))
+    }
+
+    fn refine(&self, model: &DMat3) -> Option<DMat3> {
+        let chosen = self.inliers(model);
+        let pairs: Vec<[DVec2; 2]> = chosen.iter().map(|&place| self.0.pairs[place as usize]).collect();
+        homography(&pairs, &vec![1.0; pairs.len()])
+    }
+}
+
+impl Estimator for Rotation<'_> {
+    type Model = DMat3;
+    const SAMPLE: usize = 2;
+
+    fn count(&self) -> usize {
+        self.0.pairs.len()
+    }
+
+    fn fit(&self, sample: &[usize], found: &mut Vec<DMat3>) {
+        let [[a1, a2], [b1, b2]] = sample_of(self.0, sample);
+        let frame = |a: DVec2, b: DVec2| {
+            let (a, b) = (a.extend(1.0).normalize(), b.extend(1.0).normalize());
+            let across = a.cross(b).try_normalize()?;
+            let middle = (a + b).normalize();
+            Some(DMat3::from_cols(middle, across, middle.cross(across)))
+        };
+        found.extend(frame(a1, b1).zip(frame(a2, b2)).map(|(from, to)| to * from.transpose()));
+    }
+
+    fn cost(&self, model: &DMat3, enough: f64) -> f64 {
+        self.0.cost(
+            enough,
+            #[inline(always)]
+            |block| transfer_errors(model, block),
+        )
+    }
+
+    fn inliers(&self, model: &DMat3) -> Vec<u32> {
+        self.0.within(|block| transfer_errors(model, block))
+    }
+
+    fn refine(&self, model: &DMat3) -> Option<DMat3> {
+        // W. Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta Cryst. A 1976.
+        let mut covariance = DMat3::ZERO;
+        for place in self.inliers(model) {
+            let [a, b] = self.0.pairs[place as usize].map(|ray| ray.extend(1.0).normalize());
+            covariance += DMat3::from_cols(b * a.x, b * a.y, b * a.z);
+        }
+        let svd = Matrix3::from_column_slice(&covariance.to_cols_array()).svd(true, true);
+        let (mut u, vt) = (svd.u?, svd.v_t?);
+        if (u * vt).determinant() < 0.0 {
+            u.column_mut(svd.singular_values.imin()).neg_mut();
+        }
+        Some(DMat3::from_cols_slice((u * vt).as_slice()))
+    }
+}

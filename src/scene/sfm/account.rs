@@ -1,0 +1,199 @@
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Mapped, MapperOptions, TriedPair};
+use crate::geometry::TwoViewKind;
+
+/// What became of a frame, and why.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// It has a camera.
+    Placed {
+        /// Points that it sees.
+        points: usize,
+        /// Median reprojection error of these in pixels.
+        error_px: f64,
+    },
+    /// Its picture cannot be read.
+    Unreadable {
+        /// What was said.
+        why: String,
+    },
+    /// Too little to recognise in the picture.
+    FewFeatures {
+        /// Features found.
+        found: usize,
+    },
+    /// No other picture shows the same.
+    NoPair {
+        /// The frame with most matches, and how many; they do not agree with one camera movement.
+        nearest: Option<(usize, usize)>,
+    },
+    /// It shows the same as others, but too little of what is in the model.
+    FewPoints {
+        /// Keypoints that see points of the model.
+        seen: usize,
+        /// What was needed.
+        needed: usize,
+        /// The frame that shares most with it, and the matches that agree.
+        nearest: Option<(usize, usize)>,
+    },
+    /// What it sees of the model does not agree on a place for its camera.
+    NoPose {
+        /// Keypoints that see points of the model.
+        seen: usize,
+        /// Of these, how many agreed.
+        agreeing: usize,
+    },
+    /// It belongs to another model, which nothing joins with the one kept.
+    OtherModel {
+        /// Which, counted from 2.
+        model: usize,
+        /// Images in it.
+        images: usize,
+    },
+}
+
+/// Features below which a picture has too little to recognise.
+const FEW_FEATURES: usize = 50;
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Placed { points, error_px } => write!(f, "sees {points} points, median error {error_px:.2} px"),
+            Self::Unreadable { why } => write!(f, "{why}"),
+            Self::FewFeatures { found } => write!(
+                f,
+                "only {found} features; the picture is blurred, dark, without texture or masked: leave it out or take \
+                 it again"
+            ),
+            Self::NoPair { nearest: None } => {
+                write!(f, "no picture shows the same; take pictures between it and the others")
+            }
+            Self::NoPair { nearest: Some((frame, matches)) } => write!(
+                f,
+                "its {matches} matches with frame {frame}, the nearest, do not agree with one camera movement; take \
+                 pictures between them"
+            ),
+            Self::FewPoints { seen, needed, nearest } => {
+                write!(f, "sees {seen} points of the model where {needed} are needed")?;
+                if let Some((frame, matches)) = nearest {
+                    write!(f, " (most matches: {matches}, with frame {frame})")?;
+                }
+                write!(f, "; take pictures that overlap more, or closer together")
+            }
+            Self::NoPose { seen, agreeing } => write!(
+                f,
+                "of {seen} points that it sees only {agreeing} agree on a place for its camera; something moved, or \
+                 the picture shows a similar but other place"
+            ),
+            Self::OtherModel { model, images } => write!(
+                f,
+                "lies in model {model} of {images} images, which nothing joins with the one kept; take pictures \
+                 that show both parts"
+            ),
+        }
+    }
+}
+
+/// What became of each image, of which `frame_of` tells the frame: `features` per image (`Err` = why it cannot be
+/// read), pairs that were tried, models with the one kept first, points and median error of an image in that.
+#[must_use]
+pub fn outcomes(
+    frame_of: &[usize],
+    features: &[Result<usize, String>],
+    tried: &[TriedPair],
+    models: &[Mapped],
+    options: &MapperOptions,
+    placed: &dyn Fn(usize) -> Option<(usize, f64)>,
+) -> Vec<Outcome> {
+    let outcome = |(image, found): (usize, &Result<usize, String>)| {
+        if let Some((points, error_px)) = placed(image) {
+            return Outcome::Placed { points, error_px };
+        }
+        match found {
+            Err(why) => Outcome::Unreadable { why: why.clone() },
+            Ok(found) if *found < FEW_FEATURES => Outcome::FewFeatures { found: *found },
+            Ok(_) => left_out(image, frame_of, tried, models, options),
+        }
+    };
+    features.iter().enumerate().map(outcome).collect()
+}
+
+fn left_out(
+    image: usize,
+    frame_of: &[usize],
+    tried: &[TriedPair],
+    models: &[Mapped],
+    options: &MapperOptions,
+) -> Outcome {
+    let frame = |nearest: Option<(usize, usize)>| nearest.map(|(image, matches)| (frame_of[image], matches));
+    let is_in = |mapped: &&Mapped| mapped.model.is_placed(image as u32);
+    if let Some(other) = models.iter().skip(1).find(is_in) {
+        let model = models.iter().position(|mapped| std::ptr::eq(mapped, other)).unwrap_or(0) + 1;
+        return Outcome::OtherModel { model, images: other.model.placed().count() };
+    }
+    let verified = most(image, tried, |pair| pair.verified.as_ref().map_or(0, |pair| pair.matches.len()));
+    if verified.is_none() {
+        return Outcome::NoPair { nearest: frame(most(image, tried, |pair| pair.matches)) };
+    }
+    let refused = models.first().and_then(|mapped| mapped.refused.get(&(image as u32)));
+    match refused {
+        Some(refusal) if refusal.seen >= options.pose_inliers => {
+            Outcome::NoPose { seen: refusal.seen, agreeing: refusal.agreeing }
+        }
+        refusal => Outcome::FewPoints {
+            seen: refusal.map_or(0, |refusal| refusal.seen),
+            needed: options.pose_inliers,
+            nearest: frame(verified),
+        },
+    }
+}
+
+/// The image that shares most with this one, and how much; `None` where none shares anything.
+fn most(image: usize, tried: &[TriedPair], share: impl Fn(&TriedPair) -> usize) -> Option<(usize, usize)> {
+    let own = tried.iter().filter(|pair| pair.images.contains(&(image as u32)));
+    let shares = own.map(|pair| {
+        let [a, b] = pair.images.map(|image| image as usize);
+        (if a == image { b } else { a }, share(pair))
+    });
+    shares.filter(|&(_, shared)| shared > 0).max_by_key(|&(other, shared)| (shared, std::cmp::Reverse(other)))
+}
+
+/// Why there is no pair to start from, and what to do.
+#[must_use]
+pub fn why_no_start(names: &[&str], tried: &[TriedPair]) -> String {
+    let verified: Vec<_> = tried.iter().filter_map(|pair| pair.verified.as_ref()).collect();
+    let named = |images: [u32; 2]| images.map(|image| names[image as usize]).join(" and ");
+    let Some(best) = verified.iter().max_by_key(|pair| (pair.matches.len(), std::cmp::Reverse(pair.images))) else {
+        let Some(nearest) = tried.iter().max_by_key(|pair| (pair.matches, std::cmp::Reverse(pair.images))) else {
+            return "no two pictures could be compared; give at least two pictures of the same scene".into();
+        };
+        return format!(
+            "no two pictures show the same: the nearest are {}, with {} matches that do not agree with one camera \
+             movement; take pictures that overlap by more than half",
+            named(nearest.images),
+            nearest.matches
+        );
+    };
+    if verified.iter().all(|pair| pair.kind == TwoViewKind::Panoramic) {
+        return format!(
+            "the camera only turned, or did not move at all: all {} pairs that show the same (best {}, {} matches) \
+             have no parallax; move sideways between pictures",
+            verified.len(),
+            named(best.images),
+            best.matches.len()
+        );
+    }
+    let widest = verified.iter().map(|pair| pair.parallax).fold(0.0, f64::max).to_degrees();
+    format!(
+        "no two pictures to start from among {} that show the same: the best are {}, with {} matches and {:.1}° between \
+         their rays, the widest angle is {widest:.1}°; take pictures farther apart that still overlap",
+        verified.len(),
+        named(best.images),
+        best.matches.len(),
+        best.parallax.to_degrees()
+    )
+}

@@ -1,0 +1,87 @@
+use glam::DVec2;
+
+use super::{Descriptors, FeatureExtractor, Features, SfmError};
+use crate::engine::job::Progress;
+use crate::frames::{Frame, FrameStore, Image};
+
+/// Pictures that are decoded while features of another are looked for.
+const AHEAD: usize = 2;
+
+/// What a picture gives for structure from motion.
+#[derive(Debug, Clone)]
+pub struct PictureFeatures {
+    /// Its features.
+    pub features: Features,
+    /// The picture's colour at each keypoint, sRGB.
+    pub colors: Vec<[u8; 3]>,
+    /// Why there are none, where the picture cannot be read.
+    pub unreadable: Option<String>,
+}
+
+/// Where features may lie in the frame of this number: `width · height` pixels row by row; `None` = everywhere.
+pub type AllowedPixels<'a> = &'a dyn Fn(usize) -> Option<Vec<bool>>;
+
+/// Features of the chosen frames, in their order. A picture that cannot be read has none.
+///
+/// # Errors
+/// [`SfmError::Feature`] where the extractor fails, [`SfmError::Stopped`].
+pub fn extract(
+    frames: &[Frame],
+    chosen: &[usize],
+    store: &FrameStore,
+    extractor: &dyn FeatureExtractor,
+    allowed: AllowedPixels<'_>,
+    progress: &Progress,
+) -> Result<Vec<PictureFeatures>, SfmError> {
+    let mut all = Vec::with_capacity(chosen.len());
+    for (done, &number) in chosen.iter().enumerate() {
+        progress.step(done, chosen.len())?;
+        let next: Vec<Frame> = chosen[done + 1..].iter().take(AHEAD).map(|&next| frames[next].clone()).collect();
+        store.prefetch(&next);
+        all.push(of_picture(&frames[number], store, extractor, allowed(number).as_deref())?);
+    }
+    Ok(all)
+}
+
+/// Features of one frame's picture; none where that cannot be read.
+///
+/// # Errors
+/// As [`extract`].
+pub fn of_picture(
+    frame: &Frame,
+    store: &FrameStore,
+    extractor: &dyn FeatureExtractor,
+    allowed: Option<&[bool]>,
+) -> Result<PictureFeatures, SfmError> {
+    let image = match store.image(frame) {
+        Ok(image) => image,
+        Err(error) => return Ok(none(frame, error.to_string())),
+    };
+    let features = extractor.extract(&grey(&image), image.width as usize, image.height as usize, allowed)?;
+    let colors = features.keypoints.iter().map(|&at_px| color_at(&image, at_px)).collect();
+    Ok(PictureFeatures { features, colors, unreadable: None })
+}
+
+fn none(frame: &Frame, why: String) -> PictureFeatures {
+    let features = Features {
+        width: frame.width,
+        height: frame.height,
+        keypoints: Vec::new(),
+        scales_px: Vec::new(),
+        scores: Vec::new(),
+        descriptors: Descriptors::Bytes { dim: 1, values: Vec::new() },
+    };
+    PictureFeatures { features, colors: Vec::new(), unreadable: Some(why) }
+}
+
+/// Luma as in ITU-R BT.601, 0–1.
+fn grey(image: &Image) -> Vec<f32> {
+    let luma = |&[r, g, b]: &[u8; 3]| (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0;
+    image.pixels.iter().map(luma).collect()
+}
+
+fn color_at(image: &Image, at_px: DVec2) -> [u8; 3] {
+    let x = (at_px.x.max(0.0) as u32).min(image.width - 1);
+    let y = (at_px.y.max(0.0) as u32).min(image.height - 1);
+    image.at(x, y)
+}

@@ -1,0 +1,105 @@
+use glam::DVec2;
+
+/// How the surroundings of keypoints look, one row of `dim` values per keypoint, row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Descriptors {
+    /// Bytes whose rows have about the same length (SIFT: 128 values, length about 512).
+    Bytes {
+        /// Values per keypoint.
+        dim: usize,
+        /// `keypoints · dim` values.
+        values: Vec<u8>,
+    },
+    /// Rows of length 1.
+    Floats {
+        /// Values per keypoint.
+        dim: usize,
+        /// `keypoints · dim` values.
+        values: Vec<f32>,
+    },
+}
+
+impl Descriptors {
+    /// Values per keypoint.
+    #[must_use]
+    pub fn dim(&self) -> usize {
+        match *self {
+            Self::Bytes { dim, .. } | Self::Floats { dim, .. } => dim,
+        }
+    }
+
+    /// Keypoints described.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        let values = match self {
+            Self::Bytes { values, .. } => values.len(),
+            Self::Floats { values, .. } => values.len(),
+        };
+        values / self.dim().max(1)
+    }
+
+    /// Whether no keypoint is described.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// What an extractor found in one picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Features {
+    /// Columns of the picture.
+    pub width: u32,
+    /// Rows of the picture.
+    pub height: u32,
+    /// Positions in pixels of the picture as shown; centre of the top-left pixel at (0.5, 0.5).
+    pub keypoints: Vec<DVec2>,
+    /// Radius that each keypoint stands for, in pixels; empty where the extractor has none.
+    pub scales_px: Vec<f32>,
+    /// How sure the extractor is of each keypoint, 0..1; empty where it does not say.
+    pub scores: Vec<f32>,
+    /// One row per keypoint.
+    pub descriptors: Descriptors,
+}
+
+/// Finds keypoints that show again in other pictures of the same scene.
+pub trait FeatureExtractor: Send + Sync {
+    /// Short name for menus and reports.
+    fn name(&self) -> &'static str;
+
+    /// Features of a grey picture (`width · height` values in 0..1, row by row); only where `allowed` (one value per
+    /// pixel) is true, everywhere without it.
+    ///
+    /// # Errors
+    /// [`FeatureError::Network`] where a learned network fails.
+    fn extract(
+        &self,
+        grey: &[f32],
+        width: usize,
+        height: usize,
+        allowed: Option<&[bool]>,
+    ) -> Result<Features, FeatureError>;
+}
+
+/// Tells which keypoints of two pictures show the same point.
+pub trait FeatureMatcher: Send + Sync {
+    /// Short name for menus and reports.
+    fn name(&self) -> &'static str;
+
+    /// Pairs (index in `first`, index in `second`), ascending by the first, one to one.
+    ///
+    /// # Errors
+    /// [`FeatureError::Kinds`] where the two cannot be compared, [`FeatureError::Network`] where a network fails.
+    fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError>;
+}
+
+/// Why features could not be found or matched.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FeatureError {
+    /// A learned network failed.
+    #[error("the feature network failed: {0}")]
+    Network(String),
+    /// Two pictures have descriptors of different kinds or sizes.
+    #[error("{0}; extract the features of all pictures with the same extractor")]
+    Kinds(String),
+}

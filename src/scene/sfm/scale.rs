@@ -1,0 +1,110 @@
+use std::collections::BTreeMap;
+
+use super::SfmError;
+use crate::engine::job::Progress;
+use crate::frames::cameras::SparsePoints;
+use crate::frames::{Frame, FrameCamera, FrameStore};
+
+/// Metres per unit of a model, and how well it is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MetricScale {
+    /// World units of the depth pictures per unit of the model.
+    pub factor: f64,
+    /// Half the width, relative to the factor, of the band around it that holds two thirds of the samples within a
+    /// factor of 2.
+    pub spread: f64,
+    /// Sightings with depth that it was taken from.
+    pub samples: usize,
+}
+
+/// Largest mean reprojection error of points that tell the scale, in pixels.
+const MAX_ERROR_PX: f64 = 2.0;
+/// Sightings with depth below which nothing is said.
+const LEAST_SAMPLES: usize = 30;
+/// Width of the kernel in natural logarithms of the scale.
+const KERNEL: f64 = 0.01;
+
+/// Steps from the fullest place to the densest.
+const MEAN_SHIFTS: usize = 20;
+
+/// The scale at which the model agrees with the depth of its frames: the mode, by kernel density, of depth / z over all
+/// sightings of points (OSTRA's ScaleCalculator: Xu, Zhao, Tang, Gan, "A One Stop 3D Target Reconstruction and multilevel
+/// Segmentation Method"). `None` where too few sightings have depth.
+///
+/// # Errors
+/// [`SfmError::Frame`] where a depth picture cannot be read; [`SfmError::Stopped`].
+pub fn metric_scale(
+    frames: &[Frame],
+    cameras: &BTreeMap<usize, FrameCamera>,
+    sparse: &SparsePoints,
+    store: &FrameStore,
+    progress: &Progress,
+) -> Result<Option<MetricScale>, SfmError> {
+    let mut logs = Vec::new();
+    for (&number, keypoints) in &sparse.keypoints {
+        progress.check()?;
+        let frame = &frames[number];
+        let Some(pose) = cameras.get(&number).and_then(|camera| camera.camera_from_world) else { continue };
+        let Some(depth) = store.depth(frame)? else { continue };
+        for keypoint in keypoints {
+            let Some(point) = keypoint.point.map(|point| &sparse.points[point as usize]) else { continue };
+            let z = pose.transform(point.position).z;
+            let (x, y) = (keypoint.at_px.x as u32, keypoint.at_px.y as u32);
+            let known = x < depth.width && y < depth.height && depth.at(x, y) > 0.0 && z > 0.0;
+            if known && point.error_px.is_none_or(|error| error <= MAX_ERROR_PX) {
+                logs.push((f64::from(depth.at(x, y)) / z).ln());
+            }
+        }
+    }
+    Ok(mode(logs))
+}
+
+/// The densest place among logarithms of the scale.
+fn mode(mut logs: Vec<f64>) -> Option<MetricScale> {
+    if logs.len() < LEAST_SAMPLES {
+        return None;
+    }
+    logs.sort_unstable_by(f64::total_cmp);
+    let near = |at: f64, width: f64| {
+        let from = logs.partition_point(|&log| log < at - width);
+        let to = logs.partition_point(|&log| log <= at + width);
+        &logs[from..to]
+    };
+    let mut at = logs.iter().map(|&at| (near(at, KERNEL).len(), at)).max_by_key(|&(count, _)| count)?.1;
+    for _ in 0..MEAN_SHIFTS {
+        let weights: Vec<(f64, f64)> =
+            near(at, 4.0 * KERNEL).iter().map(|&log| (kernel((log - at) / KERNEL), log)).collect();
+        let total: f64 = weights.iter().map(|(weight, _)| weight).sum();
+        at = weights.iter().map(|(weight, log)| weight * log).sum::<f64>() / total;
+    }
+    let mut distances: Vec<f64> = near(at, 2f64.ln()).iter().map(|log| (log - at).abs()).collect();
+    distances.sort_unstable_by(f64::total_cmp);
+    let spread = distances[distances.len() * 2 / 3].exp_m1();
+    Some(MetricScale { factor: at.exp(), spread, samples: logs.len() })
+}
+
+fn kernel(distance: f64) -> f64 {
+    (-0.5 * distance * distance).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mode_is_found_among_outliers() {
+        // Two thirds agree on 2.5 within 1 %, a third is spread widely (depth behind or before the point).
+        let logs = (0..300).map(|i| {
+            let spread = f64::from(i % 100) / 50.0 - 1.0;
+            2.5f64.ln() + if i % 3 < 2 { 0.01 * spread } else { 0.5 + 0.4 * spread }
+        });
+        let scale = mode(logs.collect()).unwrap();
+        assert!((scale.factor / 2.5 - 1.0).abs() < 3e-3, "{scale:?}");
+        assert_eq!(scale.samples, 300);
+    }
+
+    #[test]
+    fn few_samples_say_nothing() {
+        assert_eq!(mode(vec![0.3; LEAST_SAMPLES - 1]), None);
+    }
+}

@@ -1,0 +1,75 @@
+/// Samples kept beside each row, so that filters need no test for the border.
+pub(super) const MARGIN: usize = 64;
+/// Rows are padded to multiples of this, so that vector loops leave no remainder.
+pub(super) const PAD: usize = 64;
+
+/// A grey picture, or the rows of it that are held at a time: row `y` lies at `y` modulo `held`.
+#[derive(Debug, Clone)]
+pub(super) struct Rows {
+    /// Columns.
+    pub width: usize,
+    /// Rows of the whole picture.
+    pub height: usize,
+    held: usize,
+    stride: usize,
+    samples: Vec<f32>,
+}
+
+impl Rows {
+    /// A picture of zeros that holds `held` rows at a time.
+    pub fn new(width: usize, height: usize, held: usize) -> Self {
+        let stride = width.next_multiple_of(PAD) + 2 * MARGIN + PAD;
+        let held = held.clamp(1, height.max(1));
+        Self { width, height, held, stride, samples: vec![0.0; stride * held] }
+    }
+
+    /// A whole picture.
+    pub fn from_grey(grey: &[f32], width: usize, height: usize) -> Self {
+        let mut rows = Self::new(width, height, height);
+        if width > 0 {
+            for (row, source) in rows.samples.chunks_exact_mut(rows.stride).zip(grey.chunks_exact(width)) {
+                row[MARGIN..MARGIN + width].copy_from_slice(source);
+                extend_margins(row, width);
+            }
+        }
+        rows
+    }
+
+    /// Samples from one row to the next.
+    pub fn stride(&self) -> usize {
+        self.stride
+    }
+
+    /// Row `y` without its margins.
+    #[inline(always)]
+    pub fn row(&self, y: usize) -> &[f32] {
+        &self.with_margins(y)[MARGIN..MARGIN + self.width]
+    }
+
+    /// Row `y`; the sample of column `x` is at `MARGIN + x`.
+    #[inline(always)]
+    pub fn with_margins(&self, y: usize) -> &[f32] {
+        let start = (y % self.held) * self.stride;
+        &self.samples[start..start + self.stride]
+    }
+
+    /// Row `y`, or the nearest one where there is none.
+    #[inline(always)]
+    pub fn nearest(&self, y: isize) -> &[f32] {
+        self.with_margins(y.clamp(0, self.height as isize - 1) as usize)
+    }
+
+    /// Rows `first..last` with their margins, to be written; they must lie in one piece.
+    pub fn piece_mut(&mut self, first: usize, last: usize) -> &mut [f32] {
+        let start = (first % self.held) * self.stride;
+        &mut self.samples[start..start + (last - first) * self.stride]
+    }
+}
+
+/// Repeats the first and the last of a row's `width` samples in its margins.
+#[inline(always)]
+pub(super) fn extend_margins(row: &mut [f32], width: usize) {
+    let (first, last) = (row[MARGIN], row[MARGIN + width - 1]);
+    row[..MARGIN].fill(first);
+    row[MARGIN + width..].fill(last);
+}

@@ -1,0 +1,79 @@
+use super::super::{SiftFeatures, SiftOptions, extract_sift};
+use super::{Blob, painted, strewn};
+use glam::Vec2;
+
+/// The same spots turned by `angle` and magnified about the picture's centre.
+fn turned(blobs: &[Blob], centre: Vec2, angle: f32, scale: f32) -> Vec<Blob> {
+    let moved = |blob: &Blob| Blob {
+        at_px: moved(blob.at_px, centre, angle, scale),
+        sigma_px: blob.sigma_px * scale,
+        contrast: blob.contrast,
+    };
+    blobs.iter().map(moved).collect()
+}
+
+fn moved(at_px: Vec2, centre: Vec2, angle: f32, scale: f32) -> Vec2 {
+    centre + scale * Vec2::from_angle(angle).rotate(at_px - centre)
+}
+
+/// Index of the feature with the nearest descriptor, where it is clearly nearer than the second.
+fn best(of: &[u8; 128], among: &SiftFeatures) -> Option<usize> {
+    let apart =
+        |other: &[u8; 128]| of.iter().zip(other).map(|(&a, &b)| (f32::from(a) - f32::from(b)).powi(2)).sum::<f32>();
+    let mut order: Vec<(f32, usize)> = among.descriptors.iter().enumerate().map(|(k, d)| (apart(d), k)).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    (order[0].0 < 0.64 * order[1].0).then_some(order[0].1)
+}
+
+#[test]
+fn features_are_found_again_in_a_turned_and_magnified_picture() {
+    let (size, centre) = (400, Vec2::splat(200.0));
+    let blobs = strewn(900, size, size);
+    let options = SiftOptions::default();
+    let first = extract_sift(&painted(&blobs, size, size), size, size, None, &options);
+    for (angle, scale) in [(0.5_f32, 1.0), (2.1, 1.37), (-1.2, 0.8)] {
+        let again = painted(&turned(&blobs, centre, angle, scale), size, size);
+        let second = extract_sift(&again, size, size, None, &options);
+        let (mut matches, mut right, mut upright) = (0, 0, 0);
+        for (keypoint, descriptor) in first.keypoints.iter().zip(&first.descriptors) {
+            if keypoint.at_px.distance(centre) > 120.0 || keypoint.scale_px > 8.0 {
+                continue;
+            }
+            let Some(k) = best(descriptor, &second) else { continue };
+            let other = second.keypoints[k];
+            let off = other.at_px.distance(moved(keypoint.at_px, centre, angle, scale));
+            let turn = Vec2::from_angle(other.angle - keypoint.angle).angle_to(Vec2::from_angle(angle)).abs();
+            matches += 1;
+            right += usize::from(off < 1.0 && (0.8..1.25).contains(&(other.scale_px / keypoint.scale_px / scale)));
+            upright += usize::from(turn < 0.1);
+        }
+        assert!(matches > 150, "{angle} {scale}: {matches} matches");
+        assert!(right as f32 > 0.97 * matches as f32, "{angle} {scale}: {right} of {matches}");
+        assert!(upright as f32 > 0.95 * matches as f32, "{angle} {scale}: {upright} of {matches} turned rightly");
+    }
+}
+
+#[test]
+fn a_descriptor_does_not_see_brightness_and_contrast() {
+    let grey = painted(&strewn(200, 200, 200), 200, 200);
+    let dimmed: Vec<f32> = grey.iter().map(|value| 0.1 + 0.5 * value).collect();
+    let options = |peak_threshold| SiftOptions { peak_threshold, ..SiftOptions::default() };
+    let (first, second) =
+        (extract_sift(&grey, 200, 200, None, &options(0.02)), extract_sift(&dimmed, 200, 200, None, &options(0.01)));
+    assert_eq!(first.keypoints.len(), second.keypoints.len());
+    let same = first.descriptors.iter().filter(|&descriptor| {
+        let near = |other: &[u8; 128]| descriptor.iter().zip(other).all(|(a, b)| a.abs_diff(*b) <= 4);
+        second.descriptors.iter().any(near)
+    });
+    assert!(same.count() * 100 >= 98 * first.descriptors.len());
+}
+
+#[test]
+fn descriptors_are_square_roots_of_shares() {
+    let features = extract_sift(&painted(&strewn(200, 200, 200), 200, 200), 200, 200, None, &SiftOptions::default());
+    assert!(!features.descriptors.is_empty());
+    for descriptor in features.descriptors {
+        let length = descriptor.iter().map(|&value| f32::from(value).powi(2)).sum::<f32>().sqrt();
+        assert!((length - 512.0).abs() < 8.0, "{length}");
+    }
+}

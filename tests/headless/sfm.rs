@@ -1,0 +1,259 @@
+//! Structure from motion as a user runs it, on real pictures: floors that may only rise, and what it says when it fails.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use image::imageops::FilterType;
+use ostra::frames::cameras::{CameraKey, GivenCameras};
+use ostra::geometry::{Alignment, Pose, Similarity};
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::support::data_dir;
+
+fn ostra<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_ostra")).args(args).output().unwrap()
+}
+
+/// A project in a folder of its own.
+struct Project {
+    dir: TempDir,
+}
+
+impl Project {
+    fn new(frames: &Path, more: &[&str]) -> Self {
+        let project = Self { dir: TempDir::new().unwrap() };
+        let root = project.root();
+        let args = ["new", &root, "--frames", frames.to_str().unwrap()];
+        project.done(&[&args[..], more].concat());
+        project
+    }
+
+    fn root(&self) -> String {
+        self.dir.path().join("project").display().to_string()
+    }
+
+    /// Runs the program; both outputs.
+    fn done(&self, args: &[&str]) -> String {
+        let output = ostra(args);
+        let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        assert!(output.status.success(), "{args:?}: {text}");
+        text
+    }
+
+    fn reconstruct(&self, more: &[&str]) -> String {
+        let root = self.root();
+        self.done(&[&["reconstruct", &root, "--method", "sfm"][..], more].concat())
+    }
+
+    fn info(&self) -> Value {
+        serde_json::from_str(&self.done(&["info", &self.root(), "--json"])).unwrap()
+    }
+
+    fn placed(&self) -> usize {
+        self.info()["results"]["cameras"]["frames"].as_u64().unwrap() as usize
+    }
+
+    /// Cameras against the truth after Sim(3).
+    fn errors(&self, truth: &Path) -> Value {
+        let out = self.dir.path().join("cameras");
+        self.done(&["export", &self.root(), "--cameras", out.to_str().unwrap()]);
+        let eval = ["eval", "cameras", "--truth", truth.to_str().unwrap(), "--result", out.to_str().unwrap()];
+        let text = self.done(&[&eval[..], &["--align", "sim3", "--json"]].concat());
+        serde_json::from_str(text.lines().last().unwrap()).unwrap()
+    }
+}
+
+/// Centre error (rmse) in percent of the extent, rotation median in degrees.
+fn accuracy(name: &str, errors: &Value) -> (f64, f64) {
+    let number = |path: &str| errors.pointer(path).and_then(Value::as_f64).unwrap();
+    let (centre, rotation) = (number("/centre_percent"), number("/error/rotation_deg/median"));
+    println!("{name}: {} cameras, centre {centre:.3} %, rotation {rotation:.3}°", errors["result"]);
+    (centre, rotation)
+}
+
+#[test]
+fn fountain_with_given_intrinsics() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("strecha_fountain_P11");
+    let project = Project::new(&set.join("images"), &["--cameras", set.join("sparse").to_str().unwrap()]);
+    let said = project.reconstruct(&[]);
+    assert!(said.contains("11 of 11 frames by sift + nearest"), "{said}");
+    let (centre, rotation) = accuracy("fountain, given", &project.errors(&set.join("sparse")));
+    assert!(centre <= 0.05 && rotation <= 0.05);
+}
+
+#[test]
+fn fountain_with_unknown_intrinsics() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("strecha_fountain_P11");
+    let project = Project::new(&set.join("images"), &[]);
+    project.reconstruct(&[]);
+    let (centre, rotation) = accuracy("fountain, unknown", &project.errors(&set.join("sparse")));
+    assert_eq!(project.placed(), 11);
+    assert!(centre <= 0.12 && rotation <= 0.6);
+}
+
+#[test]
+fn dtu_with_given_intrinsics() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("dtu_scan24");
+    let project = Project::new(&set.join("images"), &["--cameras", set.join("sparse").to_str().unwrap()]);
+    project.reconstruct(&[]);
+    let (centre, rotation) = accuracy("dtu, given", &project.errors(&set.join("sparse")));
+    assert_eq!(project.placed(), 49);
+    assert!(centre <= 0.2 && rotation <= 0.15);
+}
+
+#[test]
+fn dtu_with_unknown_intrinsics() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("dtu_scan24");
+    let project = Project::new(&set.join("images"), &[]);
+    project.reconstruct(&[]);
+    let (centre, _) = accuracy("dtu, unknown", &project.errors(&set.join("sparse")));
+    assert_eq!(project.placed(), 49);
+    assert!(centre <= 0.3);
+}
+
+#[test]
+fn a_castle_without_any_truth_registers_whole() {
+    let Some(data) = data_dir() else { return };
+    let project = Project::new(&data.join("sceaux_castle/images"), &[]);
+    let said = project.reconstruct(&[]);
+    assert_eq!(project.placed(), 11, "{said}");
+}
+
+/// The arm's set points are good to some millimetres on a circle of 300 mm.
+#[test]
+fn a_thin_plant_turned_before_a_camera() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("romi_real_plant");
+    let project = Project::new(&set.join("images"), &[]);
+    let said = project.reconstruct(&[]);
+    assert_eq!(project.placed(), 60, "{said}");
+    let percent = set_point_error(&project, &set);
+    println!("romi plant, unknown: 60 cameras, centre {percent:.3} %");
+    assert!(percent <= 1.0);
+}
+
+/// Distance of the camera centres from the arm's set points after Sim(3), rmse in percent of the extent.
+fn set_point_error(project: &Project, set: &Path) -> f64 {
+    let text = std::fs::read_to_string(set.join("approximate_poses.json")).unwrap();
+    let told: Value = serde_json::from_str(&text).unwrap();
+    let found = cameras(project);
+    let mut pairs = Vec::new();
+    for frame in told["frames"].as_array().unwrap() {
+        let name = Path::new(frame["image"].as_str().unwrap()).file_name().unwrap().to_str().unwrap().to_owned();
+        let at = |i: usize| frame["approximate_pose_x_y_z_mm_pan_tilt_deg"][i].as_f64().unwrap();
+        let centre = found.iter().find(|(known, _)| *known == name).unwrap().1.centre();
+        pairs.push((centre, glam::DVec3::new(at(0), at(1), at(2))));
+    }
+    let (found, told): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
+    let alignment = Similarity::align(&found, &told, Alignment::Sim3).unwrap();
+    let middle = told.iter().sum::<glam::DVec3>() / told.len() as f64;
+    let extent = told.iter().map(|x| x.distance(middle)).fold(0.0, f64::max);
+    let errors = found.iter().zip(&told).map(|(found, told)| alignment.transform(*found).distance_squared(*told));
+    100.0 * (errors.sum::<f64>() / told.len() as f64).sqrt() / extent
+}
+
+/// Names and poses of the frames that have a camera.
+fn cameras(project: &Project) -> Vec<(String, Pose)> {
+    let out = project.dir.path().join("read back");
+    project.done(&["export", &project.root(), "--cameras", out.to_str().unwrap()]);
+    poses(&out)
+}
+
+/// Names and poses of a file of cameras.
+fn poses(path: &Path) -> Vec<(String, Pose)> {
+    let named = |key: &CameraKey| match key {
+        CameraKey::Name(name) => name.clone(),
+        other => panic!("a camera without a name: {other:?}"),
+    };
+    let cameras = GivenCameras::read(path).unwrap().cameras;
+    cameras.iter().map(|camera| (named(&camera.key), camera.camera_from_world)).collect()
+}
+
+/// 56 of 167 frames make the map, the others are placed in it; colour only.
+#[test]
+fn every_third_frame_of_a_kitchen_makes_the_map() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("redkitchen_rgbd_a");
+    for (name, more) in [("given", vec!["--cameras", "sparse"]), ("unknown", Vec::new())] {
+        let more: Vec<String> = more
+            .iter()
+            .map(|word| if *word == "sparse" { set.join(word).display().to_string() } else { (*word).to_owned() })
+            .collect();
+        let project = Project::new(&set.join("color"), &more.iter().map(String::as_str).collect::<Vec<_>>());
+        project.reconstruct(&["--every", "3"]);
+        assert_eq!(project.placed(), 167);
+        let errors = project.errors(&set.join("sparse"));
+        accuracy(&format!("kitchen, {name}"), &errors);
+        let rmse = errors.pointer("/error/centre/rmse").and_then(Value::as_f64).unwrap();
+        println!("kitchen, {name}: {:.1} cm", 100.0 * rmse);
+        assert!(rmse <= 0.04);
+    }
+}
+
+#[test]
+fn close_ups_are_added_to_a_standing_model() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("strecha_fountain_P11");
+    let dir = TempDir::new().unwrap();
+    let (small, crops) = (dir.path().join("small"), dir.path().join("crops"));
+    std::fs::create_dir_all(&small).unwrap();
+    std::fs::create_dir_all(&crops).unwrap();
+    for k in 0..11 {
+        let name = format!("{k:04}.jpg");
+        let image = image::open(set.join("images").join(&name)).unwrap();
+        image.resize_exact(384, 256, FilterType::Triangle).save(small.join(name.replace("jpg", "png"))).unwrap();
+        if [2, 5, 8].contains(&k) {
+            image.crop_imm(500, 300, 640, 480).save(crops.join(name.replace("jpg", "png"))).unwrap();
+        }
+    }
+    let project = Project::new(&small, &[]);
+    project.reconstruct(&[]);
+    project.done(&["add", &project.root(), "--frames", crops.to_str().unwrap()]);
+    let said = project.done(&["reconstruct", &project.root()]);
+    assert_eq!(project.placed(), 14, "{said}");
+    let found = cameras(&project);
+    let truth = poses(&set.join("sparse"));
+    let stem = |name: &str| Path::new(name).file_stem().unwrap().to_str().unwrap().to_owned();
+    let pairs = found.iter().filter_map(|(name, pose)| {
+        let (_, truth) = truth.iter().find(|(known, _)| stem(known) == stem(name))?;
+        Some((*pose, *truth))
+    });
+    let (found, truth): (Vec<Pose>, Vec<Pose>) = pairs.unzip();
+    assert_eq!(found.len(), 14);
+    let error = ostra::geometry::TrajectoryError::between(&found, &truth, Alignment::Sim3).unwrap();
+    let percent = 100.0 * error.centre.rmse / error.extent;
+    println!("fountain at a quarter of its size with three close-ups: centre {percent:.3} %");
+    assert!(percent <= 0.15);
+}
+
+/// Half of the pictures as they are, half cropped and turned: two cameras of different size and orientation.
+#[test]
+fn two_cameras_in_one_set() {
+    let Some(data) = data_dir() else { return };
+    let dir = TempDir::new().unwrap();
+    let mut files: Vec<PathBuf> =
+        std::fs::read_dir(data.join("banana/images")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    for (number, file) in files.iter().enumerate() {
+        let image = image::open(file).unwrap();
+        let (width, height) = (image.width(), image.height());
+        let half = if number % 2 == 0 {
+            image
+        } else {
+            image.crop_imm(width / 8, height / 8, width * 3 / 4, height * 3 / 4).rotate90()
+        };
+        half.save(dir.path().join(format!("{number:02}.png"))).unwrap();
+    }
+    let project = Project::new(dir.path(), &[]);
+    let said = project.reconstruct(&[]);
+    assert_eq!(project.placed(), files.len(), "{said}");
+    let out = dir.path().join("cameras");
+    project.done(&["export", &project.root(), "--cameras", out.to_str().unwrap()]);
+    let list = std::fs::read_to_string(out.join("cameras.txt")).unwrap();
+    assert_eq!(list.lines().filter(|line| !line.starts_with('#')).count(), 2, "{list}");
+}
