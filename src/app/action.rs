@@ -352,7 +352,7 @@ const LIST: &[Row] = {
         A::SetScale, RUN, false, "Set scale by ruler", "Makes cameras and points larger or smaller until the ruler's two points are as far apart as they really are", None;
         A::Fuse, RUN, false, "Fuse", "Makes the labelled cloud: every point takes the label most views vote for", plain(Key::U);
         A::Stop, RUN, true, "Stop", "Stops what is running; what is finished is kept", None;
-        A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke, polygon or thin structure; otherwise stops what is running", plain(Key::Escape);
+        A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke, polygon or thin structure; otherwise closes the window of matches, or stops what is running", plain(Key::Escape);
         A::Palette, HELP, false, "Find action…", "Lists all actions; type to narrow the list", ctrl(Key::P);
         A::ShortcutSheet, HELP, false, "Shortcuts…", "Shows all shortcuts and lets you change them", plain(Key::Questionmark);
     }

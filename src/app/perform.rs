@@ -163,7 +163,12 @@ fn track_from_here(view: &ViewState, direction: Direction, out: &mut Vec<Command
 
 /// Esc: first what is half made, then what runs.
 fn cancel(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
-    if !view.draft.drop_half_made() && !look.jobs.is_empty() {
+    if view.draft.drop_half_made() {
+        return;
+    }
+    if view.matches.open {
+        view.matches.open = false;
+    } else if !look.jobs.is_empty() {
         out.push(Command::Stop);
     }
 }

@@ -77,7 +77,7 @@ impl Pose {
 }
 
 /// The rotation nearest to `matrix` in Frobenius norm (polar decomposition by SVD).
-fn nearest_rotation(matrix: DMat3) -> DMat3 {
+pub(super) fn nearest_rotation(matrix: DMat3) -> DMat3 {
     let m = nalgebra::Matrix3::from_column_slice(&matrix.to_cols_array());
     let svd = m.svd(true, true);
     let (Some(u), Some(mut vt)) = (svd.u, svd.v_t) else { return DMat3::IDENTITY };

@@ -35,6 +35,10 @@ mod session;
 #[cfg(test)]
 mod sfm;
 #[cfg(test)]
+mod sfm_failures;
+#[cfg(test)]
+mod sfm_learned;
+#[cfg(test)]
 mod shared;
 #[cfg(test)]
 mod suggestions;

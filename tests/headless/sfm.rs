@@ -11,17 +11,17 @@ use tempfile::TempDir;
 
 use crate::support::data_dir;
 
-fn ostra<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
+pub(super) fn ostra<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_ostra")).args(args).output().unwrap()
 }
 
 /// A project in a folder of its own.
-struct Project {
+pub(super) struct Project {
     dir: TempDir,
 }
 
 impl Project {
-    fn new(frames: &Path, more: &[&str]) -> Self {
+    pub(super) fn new(frames: &Path, more: &[&str]) -> Self {
         let project = Self { dir: TempDir::new().unwrap() };
         let root = project.root();
         let args = ["new", &root, "--frames", frames.to_str().unwrap()];
@@ -29,33 +29,33 @@ impl Project {
         project
     }
 
-    fn root(&self) -> String {
+    pub(super) fn root(&self) -> String {
         self.dir.path().join("project").display().to_string()
     }
 
     /// Runs the program; both outputs.
-    fn done(&self, args: &[&str]) -> String {
+    pub(super) fn done(&self, args: &[&str]) -> String {
         let output = ostra(args);
         let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
         assert!(output.status.success(), "{args:?}: {text}");
         text
     }
 
-    fn reconstruct(&self, more: &[&str]) -> String {
+    pub(super) fn reconstruct(&self, more: &[&str]) -> String {
         let root = self.root();
         self.done(&[&["reconstruct", &root, "--method", "sfm"][..], more].concat())
     }
 
-    fn info(&self) -> Value {
+    pub(super) fn info(&self) -> Value {
         serde_json::from_str(&self.done(&["info", &self.root(), "--json"])).unwrap()
     }
 
-    fn placed(&self) -> usize {
+    pub(super) fn placed(&self) -> usize {
         self.info()["results"]["cameras"]["frames"].as_u64().unwrap() as usize
     }
 
     /// Cameras against the truth after Sim(3).
-    fn errors(&self, truth: &Path) -> Value {
+    pub(super) fn errors(&self, truth: &Path) -> Value {
         let out = self.dir.path().join("cameras");
         self.done(&["export", &self.root(), "--cameras", out.to_str().unwrap()]);
         let eval = ["eval", "cameras", "--truth", truth.to_str().unwrap(), "--result", out.to_str().unwrap()];
@@ -158,7 +158,7 @@ fn set_point_error(project: &Project, set: &Path) -> f64 {
 }
 
 /// Names and poses of the frames that have a camera.
-fn cameras(project: &Project) -> Vec<(String, Pose)> {
+pub(super) fn cameras(project: &Project) -> Vec<(String, Pose)> {
     let out = project.dir.path().join("read back");
     project.done(&["export", &project.root(), "--cameras", out.to_str().unwrap()]);
     poses(&out)
@@ -256,4 +256,115 @@ fn two_cameras_in_one_set() {
     project.done(&["export", &project.root(), "--cameras", out.to_str().unwrap()]);
     let list = std::fs::read_to_string(out.join("cameras.txt")).unwrap();
     assert_eq!(list.lines().filter(|line| !line.starts_with('#')).count(), 2, "{list}");
+}
+
+/// Pictures of the fountain, 384 pixels wide.
+fn small_fountain(numbers: &[usize]) -> Option<TempDir> {
+    let images = data_dir()?.join("strecha_fountain_P11/images");
+    let dir = TempDir::new().unwrap();
+    for number in numbers {
+        let image = image::open(images.join(format!("{number:04}.jpg"))).unwrap();
+        let small = image.resize_exact(384, 256, FilterType::Triangle);
+        small.save(dir.path().join(format!("{number:04}.png"))).unwrap();
+    }
+    Some(dir)
+}
+
+#[test]
+fn the_model_is_the_same_for_any_number_of_threads() {
+    let Some(pictures) = small_fountain(&[2, 3, 4, 5, 6]) else { return };
+    let model = |threads: &str| {
+        let project = Project::new(pictures.path(), &[]);
+        let run = Command::new(env!("CARGO_BIN_EXE_ostra"))
+            .args(["reconstruct", &project.root(), "--method", "sfm"])
+            .env("RAYON_NUM_THREADS", threads)
+            .status()
+            .unwrap();
+        assert!(run.success());
+        let sparse = project.dir.path().join("project/sparse");
+        ["cameras.txt", "images.txt", "points3D.txt"].map(|name| std::fs::read_to_string(sparse.join(name)).unwrap())
+    };
+    assert!(model("1") == model("3"));
+}
+
+#[test]
+fn a_known_length_gives_the_unit() {
+    let Some(pictures) = small_fountain(&[2, 3, 4, 5]) else { return };
+    let project = Project::new(pictures.path(), &[]);
+    project.reconstruct(&[]);
+    let out = project.dir.path().join("before");
+    project.done(&["export", &project.root(), "--cameras", out.to_str().unwrap()]);
+    // Two points of the model, each seen by frames 1 and 2, as the ends of a ruler.
+    let (ends, distance) = two_points(&out);
+    let pixels = |end: &[(usize, [f64; 2])], option: &str| -> Vec<String> {
+        end.iter().flat_map(|(frame, [x, y])| [option.to_owned(), format!("{frame},{x},{y}")]).collect()
+    };
+    let more = [pixels(&ends[0], "--from"), pixels(&ends[1], "--to")].concat();
+    let root = project.root();
+    let args = ["scale", &root, "--length", "250"];
+    project.done(&[&args[..], &more.iter().map(String::as_str).collect::<Vec<_>>()].concat());
+    let centres = |poses: Vec<(String, Pose)>| poses[0].1.centre().distance(poses[3].1.centre());
+    let factor = centres(cameras(&project)) / centres(poses(&out));
+    assert!((factor * distance / 250.0 - 1.0).abs() < 0.01, "{factor} · {distance}");
+}
+
+/// Pixels at which frames 1 and 2 see two points of a text model, and the distance of the points.
+fn two_points(model: &Path) -> ([Vec<(usize, [f64; 2])>; 2], f64) {
+    let lines = |name: &str| -> Vec<String> {
+        let text = std::fs::read_to_string(model.join(name)).unwrap();
+        text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
+    };
+    let images = lines("images.txt");
+    let seen = |frame: usize| -> Vec<(i64, [f64; 2])> {
+        let words: Vec<f64> = images[2 * frame + 1].split(' ').map(|word| word.parse().unwrap()).collect();
+        words.chunks(3).map(|word| (word[2] as i64, [word[0], word[1]])).collect()
+    };
+    let (first, second) = (seen(1), seen(2));
+    let both: Vec<(i64, [f64; 2], [f64; 2])> = first
+        .iter()
+        .filter(|(point, _)| *point > 0)
+        .filter_map(|&(point, at)| Some((point, at, second.iter().find(|(other, _)| *other == point)?.1)))
+        .collect();
+    let left = both.iter().min_by(|a, b| a.1[0].total_cmp(&b.1[0])).unwrap();
+    let right = both.iter().max_by(|a, b| a.1[0].total_cmp(&b.1[0])).unwrap();
+    let position = |point: i64| -> glam::DVec3 {
+        let points = lines("points3D.txt");
+        let line = points.iter().find(|line| line.starts_with(&format!("{point} "))).unwrap();
+        let words: Vec<f64> = line.split(' ').skip(1).take(3).map(|word| word.parse().unwrap()).collect();
+        glam::DVec3::new(words[0], words[1], words[2])
+    };
+    let ends = [left, right].map(|&(_, a, b)| vec![(1, a), (2, b)]);
+    (ends, position(left.0).distance(position(right.0)))
+}
+
+#[test]
+fn depth_gives_the_scale() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("redkitchen_rgbd_a");
+    let depth = set.join("depth").display().to_string();
+    let more = ["--depth", &depth, "--intrinsics", "585,585,320.5,240.5", "--to", "60", "--every", "3"];
+    let project = Project::new(&set.join("color"), &more);
+    let said = project.reconstruct(&[]);
+    assert!(said.contains("scale from"), "{said}");
+    let out = project.dir.path().join("cameras");
+    project.done(&["export", &project.root(), "--cameras", out.to_str().unwrap()]);
+    let truth = set.join("sparse");
+    let eval = ["eval", "cameras", "--truth", truth.to_str().unwrap(), "--result", out.to_str().unwrap()];
+    let text = project.done(&[&eval[..], &["--align", "sim3", "--json"]].concat());
+    let score: Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+    let scale = score.pointer("/error/alignment/scale").and_then(Value::as_f64).unwrap();
+    println!("kitchen, scale from depth: {scale:.4} of the truth");
+    assert!((scale - 1.0).abs() < 0.03, "{scale}");
+}
+
+#[test]
+fn undistorted_pictures_come_with_pinhole_cameras() {
+    let Some(pictures) = small_fountain(&[3, 4, 5]) else { return };
+    let project = Project::new(pictures.path(), &[]);
+    project.reconstruct(&[]);
+    let out = project.dir.path().join("plain");
+    project.done(&["export", &project.root(), "--undistorted", out.to_str().unwrap()]);
+    let cameras = std::fs::read_to_string(out.join("sparse/cameras.txt")).unwrap();
+    assert!(cameras.lines().any(|line| line.contains(" PINHOLE 384 256 ")) && !cameras.contains("RADIAL"), "{cameras}");
+    assert_eq!(image::image_dimensions(out.join("images/0004.png")).unwrap(), (384, 256));
 }

@@ -16,7 +16,7 @@ pub struct MatchView {
 }
 
 /// Lines drawn at most; of more matches every n-th is shown.
-const LINES: usize = 300;
+const LINES: usize = 120;
 /// Reprojection error in pixels from which a line is drawn red.
 const BAD_PX: f64 = 2.0;
 const UV: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
@@ -24,15 +24,24 @@ const UV: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
 /// A window with what became of every frame, and lines between what two frames share.
 pub(in crate::app) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Textures) {
     let mut open = view.matches.open;
-    egui::Window::new("Cameras and matches").open(&mut open).default_size([980.0, 560.0]).show(ui.ctx(), |ui| {
+    let window = egui::Window::new("Cameras and matches").open(&mut open).default_size([980.0, 560.0]);
+    let middle = ui.ctx().content_rect().center() - Vec2::new(490.0, 290.0);
+    window.default_pos(middle).show(ui.ctx(), |ui| {
         let Some(sparse) = look.sparse else {
             ui.label("What the cameras were found with is shown here once structure from motion has found them.");
             return;
         };
-        egui::Panel::left("outcomes").resizable(true).default_size(330.0).show(ui, |ui| {
-            outcomes_ui(ui, look, view, sparse);
+        let margin = egui::Margin { right: 8, ..egui::Margin::ZERO };
+        egui::Panel::left("outcomes")
+            .frame(egui::Frame::new().inner_margin(margin))
+            .resizable(true)
+            .default_size(330.0)
+            .show(ui, |ui| {
+                outcomes_ui(ui, look, view, sparse);
+            });
+        egui::Frame::new().inner_margin(egui::Margin { left: 8, ..egui::Margin::ZERO }).show(ui, |ui| {
+            pair_ui(ui, look, view, textures, sparse);
         });
-        pair_ui(ui, look, view, textures, sparse);
     });
     view.matches.open = open;
 }
@@ -47,14 +56,16 @@ fn pair_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Te
     ui.horizontal(|ui| {
         ui.label(format!("Frame {} with", view.frame));
         other_ui(ui, view, &neighbours, other);
+        for (error_px, text) in [(0.0, "exact"), (BAD_PX, "2 px off or more")] {
+            ui.colored_label(error_color(error_px), text).on_hover_text("Colour of a line: its point's mean error");
+        }
     });
     let matches = sparse.matches(view.frame, other);
     let size = Vec2::new(ui.available_width(), (ui.available_height() - 4.0).max(120.0));
     let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
     let name = format!("Matches of frames {} and {other}", view.frame);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &name));
-    let half = Vec2::new((rect.width() - 6.0) / 2.0, rect.height());
-    let places = [Rect::from_min_size(rect.min, half), Rect::from_min_size(rect.max - half, half)];
+    let places = places(rect, look, view.frame);
     let shown = [view.frame, other];
     let fitted: [Rect; 2] = std::array::from_fn(|i| picture_ui(ui, look, textures, i, shown[i], places[i]));
     let at = |i: usize, at_px: DVec2| {
@@ -66,11 +77,22 @@ fn pair_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Te
         let error_px = sparse.points.points.get(point as usize).and_then(|point| point.error_px).unwrap_or(0.0);
         let color = error_color(error_px);
         let ends = [at(0, first), at(1, second)];
-        ui.painter().line_segment(ends, Stroke::new(1.0, color.gamma_multiply(0.55)));
+        ui.painter().line_segment(ends, Stroke::new(1.0, color.gamma_multiply(0.4)));
         for end in ends {
             ui.painter().circle_filled(end, 2.0, color);
         }
     }
+}
+
+/// Two places beside each other, or one over the other where that shows the pictures larger.
+fn places(rect: Rect, look: &Look<'_>, frame: usize) -> [Rect; 2] {
+    let known = &look.project.frames[frame];
+    let size = Vec2::new(known.width as f32, known.height as f32);
+    let scale = |place: Vec2| (place.x / size.x).min(place.y / size.y);
+    let beside = Vec2::new((rect.width() - 6.0) / 2.0, rect.height());
+    let over = Vec2::new(rect.width(), (rect.height() - 6.0) / 2.0);
+    let place = if scale(over) > scale(beside) { over } else { beside };
+    [Rect::from_min_size(rect.min, place), Rect::from_min_size(rect.max - place, place)]
 }
 
 /// The choice of the other frame.
@@ -106,8 +128,8 @@ fn picture_ui(ui: &Ui, look: &Look<'_>, textures: &mut Textures, i: usize, frame
 }
 
 /// Green for exact, over yellow to red.
-pub(super) fn error_color(error_px: f64) -> Color32 {
+fn error_color(error_px: f64) -> Color32 {
     let share = (error_px / BAD_PX).clamp(0.0, 1.0) as f32;
     let (red, green) = ((2.0 * share).min(1.0), (2.0 - 2.0 * share).min(1.0));
-    Color32::from_rgb((60.0 + 195.0 * red) as u8, (50.0 + 160.0 * green) as u8, 60)
+    Color32::from_rgb((60.0 + 195.0 * red) as u8, (60.0 + 140.0 * green) as u8, 90)
 }

@@ -1,9 +1,11 @@
-use egui::{Color32, ScrollArea, Ui};
+use egui::{Button, Color32, ScrollArea, Ui};
 
-use super::matches::error_color;
 use crate::app::{Look, ViewState};
 use crate::scene::sfm::Outcome;
 use crate::session::SparseModel;
+
+/// Median error in pixels above which a frame wants to be looked at.
+const DOUBTFUL_PX: f64 = 1.0;
 
 /// One row per frame: what it sees and how exactly, or why it has no camera. A click goes to the frame.
 pub(super) fn outcomes_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, sparse: &SparseModel) {
@@ -20,22 +22,24 @@ pub(super) fn outcomes_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, sp
 }
 
 fn row_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, frame: usize, outcome: &Outcome) {
-    let name = look.project.frames.get(frame).map_or("", |frame| frame.name.as_str());
-    ui.horizontal(|ui| {
-        let row = ui.selectable_label(view.frame == frame, format!("{frame}  {name}"));
-        if row.on_hover_text(format!("{name}: {outcome}")).clicked() {
-            view.go_to(frame);
-        }
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            let (text, color) = summary(ui, outcome);
-            ui.colored_label(color, text).on_hover_text(outcome.to_string());
-        });
-    });
+    let name = |frame: usize| look.project.frames.get(frame).map_or("", |frame| frame.name.as_str());
+    let (text, color) = summary(ui, outcome);
+    let told = egui::RichText::new(text).color(color);
+    let row = Button::selectable(view.frame == frame, format!("{frame}  {}", name(frame))).right_text(told);
+    let row = ui.add_sized([ui.available_width(), ui.spacing().interact_size.y], row);
+    if row.on_hover_text(format!("{}: {}", name(frame), outcome.text(name))).clicked() {
+        view.go_to(frame);
+    }
 }
 
+/// What a row tells at its end; coloured only where it wants to be looked at.
 fn summary(ui: &Ui, outcome: &Outcome) -> (String, Color32) {
+    let visuals = ui.visuals();
     match outcome {
-        Outcome::Placed { points, error_px } => (format!("{points} points  {error_px:.2} px"), error_color(*error_px)),
-        _ => ("no camera".into(), ui.visuals().error_fg_color),
+        Outcome::Placed { points, error_px } => {
+            let color = if *error_px > DOUBTFUL_PX { visuals.warn_fg_color } else { visuals.weak_text_color() };
+            (format!("{points} points  {error_px:.2} px"), color)
+        }
+        _ => ("no camera".into(), visuals.error_fg_color),
     }
 }

@@ -198,6 +198,7 @@ fn point_at(look: &Look<'_>, view: &ViewState, camera: &ViewCamera, at_px: Vec2,
 
 fn bounds(look: &Look<'_>) -> Option<Bounds> {
     match look.points() {
+        Some(cloud) if look.cloud.is_none() => Bounds::of(near_the_cameras(look, cloud)),
         Some(cloud) => Bounds::of(every_nth(cloud).map(|index| cloud.positions[index])),
         None => {
             let poses = look.project.frames.iter().filter_map(Frame::posed_camera);
@@ -206,10 +207,21 @@ fn bounds(look: &Look<'_>) -> Option<Bounds> {
     }
 }
 
+/// The cameras, and the half of the sparse points that lies nearest to their middle: some always lie far away.
+fn near_the_cameras<'a>(look: &'a Look<'_>, cloud: &'a LabelledCloud) -> impl Iterator<Item = Vec3> + 'a {
+    let centres =
+        || look.project.frames.iter().filter_map(Frame::posed_camera).map(|(_, pose)| pose.centre().as_vec3());
+    let middle = centres().sum::<Vec3>() / centres().count().max(1) as f32;
+    let mut points: Vec<Vec3> = every_nth(cloud).map(|index| cloud.positions[index]).collect();
+    points.sort_by(|a, b| a.distance_squared(middle).total_cmp(&b.distance_squared(middle)));
+    points.truncate(points.len() / 2 + 1);
+    points.into_iter().chain(centres())
+}
+
 fn framing(look: &Look<'_>, aspect: f32) -> Option<Orbit> {
     match look.points() {
-        Some(cloud) => default_view(&thinned(cloud), &look.project.frames, aspect),
-        None => cameras_view(look),
+        Some(cloud) if look.cloud.is_some() => default_view(&thinned(cloud), &look.project.frames, aspect),
+        _ => cameras_view(look),
     }
 }
 

@@ -1,4 +1,4 @@
-use glam::{DMat3, DVec2};
+use glam::{DMat3, DVec2, DVec3};
 
 use super::in_front::motion_in_front;
 use super::matched::Matched;
@@ -7,6 +7,7 @@ use super::options::{TwoView, TwoViewKind, TwoViewOptions};
 use super::refine::refine_fundamental;
 use crate::geometry::Camera;
 use crate::geometry::epipolar::fundamental_in_pixels;
+use crate::geometry::pose::nearest_rotation;
 use crate::geometry::ransac::{Consensus, Estimator, RansacOptions, consensus};
 
 /// An essential matrix with at least this share of a fundamental matrix's inliers is the better explanation.
@@ -18,6 +19,9 @@ const VAIN: usize = 300;
 const VAIN_SIMPLE: usize = 300;
 /// A wrong focal length leaves errors of a few times the threshold, which a fundamental matrix is to take in.
 const WIDE: f64 = 3.0;
+/// Focal lengths that are tried, relative to the guess: powers of the ratio, up to this one and down to its inverse.
+const FOCAL_RATIO: f64 = 1.03;
+const FOCAL_STEPS: i32 = 40;
 /// Samples among matches that are inliers of another model already.
 const AMONG_INLIERS: usize = 100;
 
@@ -41,6 +45,20 @@ pub fn estimate_two_view(
     let matched = Matched::new(cameras, matches_px, options.max_error_px);
     let search = Search { cameras, matched: &matched, options };
     if calibrated { search.calibrated() } else { search.uncalibrated() }
+}
+
+/// Whether a homography between rays is what a turning camera sees, whatever its focal length: `K R K⁻¹` with
+/// `K = diag(f, f, 1)` for some f relative to the guess, and the rotation nearest to it explains nearly all matches.
+fn is_turn(homography: &DMat3, matched: &Matched) -> bool {
+    let enough = SIMPLE_SHARE * matched.pairs.len() as f64;
+    (-FOCAL_STEPS..=FOCAL_STEPS).any(|step| {
+        let focal = DVec3::new(1.0, 1.0, FOCAL_RATIO.powi(-step));
+        let (scaled, back) = (DMat3::from_diagonal(focal), DMat3::from_diagonal(focal.recip()));
+        let turn = back * *homography * scaled;
+        let turn = turn * turn.determinant().signum() / turn.determinant().abs().cbrt().max(f64::MIN_POSITIVE);
+        let turned = scaled * nearest_rotation(turn) * back;
+        Homography(matched).inliers(&turned).len() as f64 > enough
+    })
 }
 
 struct Search<'a> {
@@ -75,7 +93,7 @@ impl Search<'_> {
             Some(any) => self.among(&Homography(&self.matched.chosen(&any.inliers))),
             None => self.seek_simple(&Homography(self.matched)),
         };
-        let on_plane = plane.map_or_else(Vec::new, |plane| Homography(self.matched).inliers(&plane.model));
+        let on_plane = plane.as_ref().map_or_else(Vec::new, |plane| Homography(self.matched).inliers(&plane.model));
         let flat = on_plane.len() as f64 > SIMPLE_SHARE * any.as_ref().map_or(0.0, |any| any.inliers.len() as f64);
         let agreed = match &any {
             Some(any) if any.inliers.len() >= on_plane.len() => &any.inliers,
@@ -85,7 +103,7 @@ impl Search<'_> {
             return None;
         }
         let inside = self.matched.chosen(agreed);
-        if flat && self.most(&Rotation(&inside)).is_some() {
+        if flat && plane.is_some_and(|plane| is_turn(&plane.model, &inside)) {
             return Some(self.panoramic(agreed));
         }
         let essential = self.among(&Essential(&inside)).map(|found| found.model);

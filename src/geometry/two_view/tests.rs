@@ -125,6 +125,18 @@ fn nine_of_ten_wrong_among_neighbours_that_agree() {
 }
 
 #[test]
+fn a_turn_is_told_whatever_the_focal_length() {
+    let turn = Pose { rotation: DQuat::from_rotation_y(0.12), translation: DVec3::ZERO };
+    for factor in [0.45, 0.6, 0.8, 1.3, 1.7, 2.2] {
+        let made = made(7, 200, 40, [&FIRST; 2], &turn, deep);
+        let guess = Camera { focal_px: FIRST.focal_px * factor, ..FIRST };
+        let found = estimate_two_view([&guess; 2], false, &made.matches, &TwoViewOptions::default()).unwrap();
+        assert_eq!(found.kind, TwoViewKind::Panoramic, "factor {factor}");
+        assert!(found.second_from_first.is_none());
+    }
+}
+
+#[test]
 fn a_plane_is_told_from_depth() {
     for calibrated in [true, false] {
         let made = made(5, 150, 100, [&FIRST; 2], &sideways(), plane);

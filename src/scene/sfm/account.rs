@@ -1,5 +1,3 @@
-use std::fmt;
-
 use serde::{Deserialize, Serialize};
 
 use super::{Mapped, MapperOptions, TriedPair};
@@ -59,38 +57,39 @@ pub enum Outcome {
 /// Features below which a picture has too little to recognise.
 const FEW_FEATURES: usize = 50;
 
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Outcome {
+    /// What became of it, in words; `name` tells the name of another frame.
+    #[must_use]
+    pub fn text<'a>(&self, name: impl Fn(usize) -> &'a str) -> String {
         match self {
-            Self::Placed { points, error_px } => write!(f, "sees {points} points, median error {error_px:.2} px"),
-            Self::Unreadable { why } => write!(f, "{why}"),
-            Self::FewFeatures { found } => write!(
-                f,
+            Self::Placed { points, error_px } => format!("sees {points} points, median error {error_px:.2} px"),
+            Self::Unreadable { why } => why.clone(),
+            Self::FewFeatures { found } => format!(
                 "only {found} features; the picture is blurred, dark, without texture or masked: leave it out or take \
                  it again"
             ),
             Self::NoPair { nearest: None } => {
-                write!(f, "no picture shows the same; take pictures between it and the others")
+                "no picture shows the same; take pictures between it and the others".into()
             }
-            Self::NoPair { nearest: Some((frame, matches)) } => write!(
-                f,
-                "its {matches} matches with frame {frame}, the nearest, do not agree with one camera movement; take \
-                 pictures between them"
+            Self::NoPair { nearest: Some((frame, matches)) } => format!(
+                "its {matches} matches with {}, the nearest, do not agree with one camera movement; take pictures \
+                 between them",
+                name(*frame)
             ),
             Self::FewPoints { seen, needed, nearest } => {
-                write!(f, "sees {seen} points of the model where {needed} are needed")?;
-                if let Some((frame, matches)) = nearest {
-                    write!(f, " (most matches: {matches}, with frame {frame})")?;
-                }
-                write!(f, "; take pictures that overlap more, or closer together")
+                let nearest =
+                    nearest.map(|(frame, matches)| format!(" (most matches: {matches}, with {})", name(frame)));
+                let nearest = nearest.unwrap_or_default();
+                format!(
+                    "sees {seen} points of the model where {needed} are needed{nearest}; take pictures that overlap \
+                     more, or closer together"
+                )
             }
-            Self::NoPose { seen, agreeing } => write!(
-                f,
+            Self::NoPose { seen, agreeing } => format!(
                 "of {seen} points that it sees only {agreeing} agree on a place for its camera; something moved, or \
                  the picture shows a similar but other place"
             ),
-            Self::OtherModel { model, images } => write!(
-                f,
+            Self::OtherModel { model, images } => format!(
                 "lies in model {model} of {images} images, which nothing joins with the one kept; take pictures \
                  that show both parts"
             ),
@@ -162,9 +161,29 @@ fn most(image: usize, tried: &[TriedPair], share: impl Fn(&TriedPair) -> usize) 
     shares.filter(|&(_, shared)| shared > 0).max_by_key(|&(other, shared)| (shared, std::cmp::Reverse(other)))
 }
 
+/// Why fewer than two pictures can be matched at all.
+fn why_nothing_to_match(features: &[Result<usize, String>]) -> Option<String> {
+    let rich = features.iter().filter(|found| found.as_ref().is_ok_and(|&found| found >= FEW_FEATURES)).count();
+    if rich >= 2 || features.len() < 2 {
+        return None;
+    }
+    if let Some(why) = features.iter().find_map(|found| found.as_ref().err()) {
+        return Some(format!("only {rich} pictures can be used; the first that cannot be read: {why}"));
+    }
+    let most = features.iter().filter_map(|found| found.as_ref().ok()).max().copied().unwrap_or(0);
+    Some(format!(
+        "{rich} of {} pictures have enough features (the best has {most}); they are blurred, dark, without texture or \
+         masked: take them again, or leave out --only-labelled",
+        features.len()
+    ))
+}
+
 /// Why there is no pair to start from, and what to do.
 #[must_use]
-pub fn why_no_start(names: &[&str], tried: &[TriedPair]) -> String {
+pub fn why_no_start(names: &[&str], features: &[Result<usize, String>], tried: &[TriedPair]) -> String {
+    if let Some(why) = why_nothing_to_match(features) {
+        return why;
+    }
     let verified: Vec<_> = tried.iter().filter_map(|pair| pair.verified.as_ref()).collect();
     let named = |images: [u32; 2]| images.map(|image| names[image as usize]).join(" and ");
     let Some(best) = verified.iter().max_by_key(|pair| (pair.matches.len(), std::cmp::Reverse(pair.images))) else {
@@ -180,8 +199,8 @@ pub fn why_no_start(names: &[&str], tried: &[TriedPair]) -> String {
     };
     if verified.iter().all(|pair| pair.kind == TwoViewKind::Panoramic) {
         return format!(
-            "the camera only turned, or did not move at all: all {} pairs that show the same (best {}, {} matches) \
-             have no parallax; move sideways between pictures",
+            "the camera only turned, or did not move at all: no pair of {} that show the same (best {}, {} matches) \
+             has parallax; move sideways between pictures",
             verified.len(),
             named(best.images),
             best.matches.len()

@@ -38,6 +38,24 @@ impl Descriptors {
         values / self.dim().max(1)
     }
 
+    /// The values, where they are bytes.
+    #[must_use]
+    pub fn as_bytes(&self) -> Option<&[u8]> {
+        match self {
+            Self::Bytes { values, .. } => Some(values),
+            Self::Floats { .. } => None,
+        }
+    }
+
+    /// The values, where they are floats.
+    #[must_use]
+    pub fn as_floats(&self) -> Option<&[f32]> {
+        match self {
+            Self::Floats { values, .. } => Some(values),
+            Self::Bytes { .. } => None,
+        }
+    }
+
     /// Whether no keypoint is described.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -91,7 +109,18 @@ pub trait FeatureMatcher: Send + Sync {
     /// # Errors
     /// [`FeatureError::Kinds`] where the two cannot be compared, [`FeatureError::Network`] where a network fails.
     fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError>;
+
+    /// The same for pairs of a set of pictures, told by number: what they have in common is worked out once.
+    ///
+    /// # Errors
+    /// As [`Self::matches`].
+    fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
+        Ok(Box::new(|first, second| self.matches(pictures[first], pictures[second])))
+    }
 }
+
+/// Matches of two pictures of a set, as [`FeatureMatcher::matches`].
+pub type PairMatches<'a> = Box<dyn Fn(usize, usize) -> Result<Vec<(u32, u32)>, FeatureError> + Sync + 'a>;
 
 /// Why features could not be found or matched.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

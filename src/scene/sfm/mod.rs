@@ -28,7 +28,7 @@ pub use account::Outcome;
 pub use correspondences::Correspondences;
 pub use error::SfmError;
 pub use extract::{AllowedPixels, PictureFeatures};
-pub use features::{Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features};
+pub use features::{Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches};
 pub use groups::CameraGroups;
 pub use mapper::{Mapped, MapperOptions, Refusal, Start, map};
 

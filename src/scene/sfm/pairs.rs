@@ -12,7 +12,7 @@ pub struct PairOptions {
     pub window: usize,
     /// In larger sets: other pictures that each is compared with because they look most alike.
     pub alike: usize,
-    /// If not empty: these pairs (indices, in either order) and no others.
+    /// In larger sets: pairs (indices, in either order) besides those that are chosen.
     pub given: Vec<(usize, usize)>,
     /// For the sample of descriptors by which likeness is judged.
     pub seed: u64,
@@ -47,15 +47,12 @@ pub fn sequence_pairs(n: usize, window: usize) -> BTreeSet<(usize, usize)> {
 #[must_use]
 pub fn choose_pairs(features: &[&Features], sequence: &[usize], options: &PairOptions) -> Vec<(usize, usize)> {
     let n = features.len();
-    if !options.given.is_empty() {
-        let ordered = options.given.iter().map(|&(a, b)| (a.min(b), a.max(b)));
-        let pairs: BTreeSet<_> = ordered.filter(|&(first, second)| first < second && second < n).collect();
-        return pairs.into_iter().collect();
-    }
     if n <= options.exhaustive_up_to {
         return exhaustive_pairs(n).into_iter().collect();
     }
     let mut pairs = windows(sequence, options.window);
+    let ordered = options.given.iter().map(|&(a, b)| (a.min(b), a.max(b)));
+    pairs.extend(ordered.filter(|&(first, second)| first < second && second < n));
     if options.alike > 0 {
         let pooled = Vocabulary::learn(features, options.seed).pool_all(features);
         pairs.extend(most_alike(&pooled, options.alike, &pairs));
@@ -126,9 +123,11 @@ mod tests {
     }
 
     #[test]
-    fn given_pairs_are_taken_as_they_are() {
-        let set: Vec<Features> = (0..3).map(picture).collect();
-        let options = PairOptions { given: vec![(2, 0), (0, 2), (1, 1), (1, 7)], ..PairOptions::default() };
-        assert_eq!(choose_pairs(&set.iter().collect::<Vec<_>>(), &[0; 3], &options), [(0, 2)]);
+    fn given_pairs_come_besides_the_others() {
+        let set: Vec<Features> = (0..4).map(picture).collect();
+        let given = vec![(3, 0), (0, 3), (1, 1), (1, 7)];
+        let options = PairOptions { exhaustive_up_to: 0, window: 1, alike: 0, given, ..PairOptions::default() };
+        let pairs = choose_pairs(&set.iter().collect::<Vec<_>>(), &[0; 4], &options);
+        assert_eq!(pairs, [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]);
     }
 }

@@ -55,7 +55,7 @@ pub fn structure_from_motion(
     let models = map(&problem, &request.mapper, progress)?;
     let Some(kept) = models.first() else {
         let names: Vec<&str> = chosen.iter().map(|frame| frame.name.as_str()).collect();
-        return Err(SfmError::NoStart(why_no_start(&names, &tried)));
+        return Err(SfmError::NoStart(why_no_start(&names, &found(&pictures), &tried)));
     };
     let mut result = SfmResult {
         cameras: frame_cameras(&problem, &kept.model, request.mapped),
@@ -115,13 +115,15 @@ fn account(
     tried: &[TriedPair],
     models: &[Mapped],
 ) -> BTreeMap<usize, Outcome> {
-    let found: Vec<Result<usize, String>> = pictures
-        .iter()
-        .map(|picture| picture.unreadable.clone().map_or(Ok(picture.features.keypoints.len()), Err))
-        .collect();
     let placed = |image: usize| residual(problem, &models.first()?.model, image);
-    let outcomes = outcomes(request.mapped, &found, tried, models, &request.mapper, &placed);
+    let outcomes = outcomes(request.mapped, &found(pictures), tried, models, &request.mapper, &placed);
     request.mapped.iter().copied().zip(outcomes).collect()
+}
+
+/// Features of each picture, or why it cannot be read.
+fn found(pictures: &[PictureFeatures]) -> Vec<Result<usize, String>> {
+    let one = |picture: &PictureFeatures| picture.unreadable.clone().map_or(Ok(picture.features.keypoints.len()), Err);
+    pictures.iter().map(one).collect()
 }
 
 /// Points that an image sees and the median of their reprojection errors in pixels; `None` where it is not placed.

@@ -31,8 +31,9 @@ pub fn match_pairs(
     progress: &Progress,
 ) -> Result<Vec<TriedPair>, SfmError> {
     let done = AtomicUsize::new(0);
+    let matcher = matcher.of_set(features)?;
     let tried = pairs.par_iter().map(|&(first, second)| {
-        let matches = matcher.matches(features[first], features[second])?;
+        let matches = matcher(first, second)?;
         let both = [(first, features[first], cameras[first]), (second, features[second], cameras[second])];
         let verified = verify(both, &matches, seed);
         progress.step(done.fetch_add(1, Ordering::Relaxed) + 1, pairs.len())?;

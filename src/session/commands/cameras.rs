@@ -152,7 +152,7 @@ fn settings(result: &SfmResult) -> String {
     }
     if result.models.len() > 1 {
         let others: Vec<String> = result.models[1..].iter().map(ToString::to_string).collect();
-        text += &format!(", {} more models of {} frames left out", others.len(), others.join(", "));
+        text += &format!(", left out another model of {} frames", others.join(" and one of "));
     }
     match &result.scale {
         Some(scale) => text + &format!(", scale from {} depths ± {:.1} %", scale.samples, 100.0 * scale.spread),
@@ -164,8 +164,8 @@ fn settings(result: &SfmResult) -> String {
 fn left_out(frames: &[Frame], result: &SfmResult) -> Vec<String> {
     let placed = |outcome: &Outcome| matches!(outcome, Outcome::Placed { .. });
     let out: Vec<_> = result.outcomes.iter().filter(|(_, outcome)| !placed(outcome)).collect();
-    let told =
-        out.iter().take(TOLD).map(|(frame, outcome)| format!("{} has no camera: {outcome}", frames[**frame].name));
+    let name = |frame: usize| frames[frame].name.as_str();
+    let told = out.iter().take(TOLD).map(|(frame, why)| format!("{} has no camera: {}", name(**frame), why.text(name)));
     let mut lines: Vec<String> = told.collect();
     if out.len() > TOLD {
         lines.push(format!("{} more frames have no camera; the window tells why for each", out.len() - TOLD));

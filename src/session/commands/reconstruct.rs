@@ -31,8 +31,8 @@ impl Session {
         let both = count(|frame| is_posed(frame) && frame.depth.is_some());
         ensure!(
             both > 0,
-            "the frames have camera poses but no depth, which this version cannot make yet; make the project with \
-             --depth, or find the poses anew with --method sfm"
+            "all frames have cameras, and depth without depth pictures is not in this version yet; to find the cameras \
+             anew choose the method 'sfm' (cameras only)"
         );
         let settings = if request.every > 1 { format!("every {}", request.every) } else { String::new() };
         let edits =

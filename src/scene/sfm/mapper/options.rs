@@ -21,6 +21,8 @@ pub struct MapperOptions {
     pub global_growth: f64,
     /// Images below which a model is not kept.
     pub min_model_images: usize,
+    /// Points below which a model is not kept.
+    pub min_model_points: usize,
     /// Seed of all random choices.
     pub seed: u64,
 }
@@ -38,6 +40,7 @@ impl Default for MapperOptions {
             local_images: 6,
             global_growth: 1.1,
             min_model_images: 2,
+            min_model_points: 60,
             seed: 0,
         }
     }

@@ -62,11 +62,12 @@ fn best_start(
         if placed(&grown) > placed(&best) {
             best = grown;
         }
-        if !unknown || 2 * placed(&best) > could {
+        if !unknown || 2 * placed(&best) >= could {
             break;
         }
     }
-    Ok(best.filter(|mapped| mapped.model.placed().count() >= options.min_model_images))
+    let (images, points) = (options.min_model_images, options.min_model_points);
+    Ok(best.filter(|Mapped { model, .. }| model.placed().count() >= images && model.points().count() >= points))
 }
 
 fn one_model(

@@ -1,22 +1,18 @@
-use std::sync::OnceLock;
+use pulp::Arch;
 
-use pulp::{Arch, Simd, WithSimd};
-
+use super::cells::{Cells, Comparison};
 use super::record::Rule;
-use super::scan::nearest;
-use super::sketch::Basis;
 use super::value::Value;
-use crate::scene::sfm::{Descriptors, FeatureError, FeatureMatcher, Features};
+use crate::scene::sfm::{Descriptors, FeatureError, FeatureMatcher, Features, PairMatches};
 
-/// Pairs descriptors of which each is the other's nearest; which those are is found exactly.
+/// Pairs descriptors of which each is the other's nearest. In pictures with many descriptors only those are compared
+/// that share one of their nearest centres of k-means over all (an inverted file: J. Sivic and A. Zisserman, "Video
+/// Google", ICCV 2003), which finds nearly all matches with a small part of the work.
 ///
 /// The ratio test is from D. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 2004.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub struct NearestMatcher {
-    ratio: f32,
-    min_cosine: f32,
-    /// Found from the first pictures seen. It decides how fast the nearest are found, not which they are.
-    basis: OnceLock<Basis>,
+    rule: Rule,
 }
 
 impl NearestMatcher {
@@ -24,7 +20,7 @@ impl NearestMatcher {
     /// cosine between the two larger than `min_cosine` (−1 = any).
     #[must_use]
     pub fn new(ratio: f32, min_cosine: f32) -> Self {
-        Self { ratio, min_cosine, basis: OnceLock::new() }
+        Self { rule: Rule::new(ratio, min_cosine) }
     }
 
     /// For SIFT: ratio 0.8, at most 0.7 rad between the two.
@@ -39,68 +35,53 @@ impl NearestMatcher {
         Self::new(1.0, 0.82)
     }
 
-    fn values<T: Value>(&self, values: [&[T]; 2], dim: usize) -> Vec<(u32, u32)> {
-        let basis = self.basis.get_or_init(|| Basis::fit(values, dim));
-        let fitted = (basis.dim() != dim).then(|| Basis::fit(values, dim));
-        let basis = fitted.as_ref().unwrap_or(basis);
-        let rule = Rule::new(self.ratio, self.min_cosine);
-        let [forth, back] = Arch::new().dispatch(BothWays { basis, values, dim, rule });
-        (0u32..)
-            .zip(forth)
-            .filter_map(|(at, found)| found.map(|other| (at, other)))
-            .filter(|&(at, other)| back[other as usize] == Some(at))
-            .collect()
-    }
-}
-
-/// The whole comparison of two pictures, compiled for the processor at hand.
-struct BothWays<'a, T> {
-    basis: &'a Basis,
-    values: [&'a [T]; 2],
-    dim: usize,
-    rule: Rule,
-}
-
-impl<T: Value> BothWays<'_, T> {
-    #[inline(always)]
-    fn run<const FUSED: bool>(&self) -> [Vec<Option<u32>>; 2] {
-        let first = self.basis.side::<FUSED, T>(self.values[0]);
-        let second = self.basis.side::<FUSED, T>(self.values[1]);
-        nearest::<FUSED, T>([&first, &second], self.dim, self.rule)
-    }
-}
-
-impl<T: Value> WithSimd for BothWays<'_, T> {
-    type Output = [Vec<Option<u32>>; 2];
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) -> Self::Output {
-        if S::IS_SCALAR { self.run::<false>() } else { self.run::<true>() }
+    /// Matches of pairs of pictures that all have descriptors of `T`; an empty picture has none.
+    fn of_values<'a, T: Value + 'a>(&self, pictures: Vec<&'a [T]>, dim: usize) -> PairMatches<'a> {
+        let (cells, rule) = (Cells::of_set(&pictures, dim), self.rule);
+        Box::new(move |first, second| {
+            let values = [pictures[first], pictures[second]];
+            let cells = [&cells[first], &cells[second]];
+            let [forth, back] = Arch::new().dispatch(Comparison { cells, values, dim, rule });
+            let found = (0u32..).zip(forth).filter_map(|(at, found)| found.map(|other| (at, other)));
+            Ok(found.filter(|&(at, other)| back[other as usize] == Some(at)).collect())
+        })
     }
 }
 
 impl FeatureMatcher for NearestMatcher {
     fn name(&self) -> &'static str {
-        "nearest descriptors"
+        "nearest"
     }
 
     fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError> {
-        let both = [&first.descriptors, &second.descriptors];
-        if both.iter().any(|one| one.is_empty()) {
-            return Ok(Vec::new());
-        }
-        let dims = both.map(Descriptors::dim);
-        match both {
-            [Descriptors::Bytes { values: a, .. }, Descriptors::Bytes { values: b, .. }] if dims[0] == dims[1] => {
-                Ok(self.values([a, b], dims[0]))
-            }
-            [Descriptors::Floats { values: a, .. }, Descriptors::Floats { values: b, .. }] if dims[0] == dims[1] => {
-                Ok(self.values([a, b], dims[0]))
-            }
-            _ => Err(FeatureError::Kinds(format!(
-                "descriptors of {} and {} values cannot be compared",
-                dims[0], dims[1]
-            ))),
-        }
+        self.of_set(&[first, second])?(0, 1)
     }
+
+    fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
+        let kinds = || pictures.iter().map(|one| &one.descriptors).filter(|one| !one.is_empty());
+        let Some(known) = kinds().next() else { return Ok(Box::new(|_, _| Ok(Vec::new()))) };
+        if let Some(other) = kinds().find(|other| other.dim() != known.dim() || is_bytes(other) != is_bytes(known)) {
+            return Err(FeatureError::Kinds(format!(
+                "descriptors of {} {} and {} {} cannot be compared",
+                known.dim(),
+                noun(known),
+                other.dim(),
+                noun(other)
+            )));
+        }
+        let all = pictures.iter().map(|one| &one.descriptors);
+        Ok(if is_bytes(known) {
+            self.of_values(all.map(|one| one.as_bytes().unwrap_or_default()).collect(), known.dim())
+        } else {
+            self.of_values(all.map(|one| one.as_floats().unwrap_or_default()).collect(), known.dim())
+        })
+    }
+}
+
+fn is_bytes(descriptors: &Descriptors) -> bool {
+    descriptors.as_bytes().is_some()
+}
+
+fn noun(descriptors: &Descriptors) -> &'static str {
+    if is_bytes(descriptors) { "bytes" } else { "floats" }
 }

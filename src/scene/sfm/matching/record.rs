@@ -51,9 +51,13 @@ impl Rule {
         if record.ambiguous { record.best } else { self.rival(record.best) }
     }
 
-    /// The record after one more score, in whichever order they come; the lower index wins a tie.
+    /// The record after one more score, in whichever order they come; the lower index wins a tie. The nearest may come
+    /// again.
     #[inline(always)]
     pub fn after(self, record: Record, score: f32, index: u32) -> Record {
+        if index == record.index {
+            return record;
+        }
         if score > record.best {
             let ambiguous = record.index != NOBODY && self.spoils(score, record.best);
             return Record { best: score, index, ambiguous };

@@ -97,13 +97,19 @@ fn floats_are_matched_as_by_comparing_all_with_all() {
 }
 
 #[test]
-fn pictures_seen_before_do_not_change_matches() {
-    // The basis comes from the pair seen first; the second matcher's fits these pictures badly.
-    let pair = two_pictures([300, 220], 128, 5).map(|rows| features(bytes(&rows)));
-    let others = two_pictures([40, 40], 128, 6).map(|rows| features(bytes(&rows)));
-    let (fresh, used) = (NearestMatcher::for_bytes(), NearestMatcher::for_bytes());
-    used.matches(&others[0], &others[1]).unwrap();
-    assert_eq!(fresh.matches(&pair[0], &pair[1]), used.matches(&pair[0], &pair[1]));
+fn in_large_pictures_nearly_all_matches_are_found() {
+    let both = two_pictures([3000, 2600], 128, 5);
+    let exact = both.each_ref().map(|rows| {
+        let rounded = rows.iter().map(|row| row.iter().map(|value| f64::from((512.0 * value).round()) / 512.0));
+        rounded.map(Iterator::collect).collect::<Vec<Vec<f64>>>()
+    });
+    let [first, second] = both.map(|rows| features(bytes(&rows)));
+    let found = NearestMatcher::for_bytes().matches(&first, &second).unwrap();
+    let expected = expected(&exact[0], &exact[1], 0.8, 0.764_842);
+    let common = found.iter().filter(|pair| expected.binary_search(pair).is_ok()).count();
+    assert!(expected.len() > 500, "{}", expected.len());
+    assert!(common as f64 > 0.97 * expected.len() as f64, "{common} of {}", expected.len());
+    assert!((found.len() as f64) < 1.03 * expected.len() as f64, "{} found", found.len());
 }
 
 #[test]
@@ -126,4 +132,15 @@ fn only_like_can_be_compared_with_like() {
     }
     let none = features(Descriptors::Bytes { dim: 128, values: Vec::new() });
     assert_eq!(matcher.matches(&given, &none), Ok(Vec::new()));
+}
+
+#[test]
+fn descriptors_that_are_not_numbers_match_nothing() {
+    let [first, mut second] = two_pictures([40, 40], 32, 8);
+    second[3][5] = f32::NAN;
+    let bad = second.iter().map(|_| vec![f32::NAN; 32]).collect::<Vec<_>>();
+    let matcher = NearestMatcher::for_floats();
+    assert_eq!(matcher.matches(&features(floats(&first)), &features(floats(&bad))), Ok(Vec::new()));
+    let some = matcher.matches(&features(floats(&first)), &features(floats(&second))).unwrap();
+    assert!(some.len() > 5 && some.iter().all(|&(_, other)| other != 3), "{some:?}");
 }

@@ -60,7 +60,7 @@ impl LighterGlue {
 
 impl FeatureMatcher for LighterGlue {
     fn name(&self) -> &'static str {
-        "LighterGlue"
+        "lighterglue"
     }
 
     fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError> {

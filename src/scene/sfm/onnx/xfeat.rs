@@ -76,7 +76,7 @@ impl XFeat {
 
 impl FeatureExtractor for XFeat {
     fn name(&self) -> &'static str {
-        "XFeat"
+        "xfeat"
     }
 
     fn extract(

@@ -1,7 +1,6 @@
 //! Which pictures look alike, judged by what their descriptors have in common.
 
 mod alike;
-mod cluster;
 #[cfg(test)]
 mod tests;
 mod vocabulary;

@@ -2,8 +2,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
-use super::cluster::Assign;
-use crate::scene::sfm::matching::Value;
+use crate::scene::sfm::matching::{Value, k_means, nearest_centres};
 use crate::scene::sfm::{Descriptors, Features};
 
 /// Centres that descriptors are sorted to.
@@ -42,7 +41,7 @@ impl Vocabulary {
         let first = all.iter().find(|one| !one.is_empty());
         let kind = first.map_or(Kind { dim: 1, bytes: false }, |first| Kind::of(first));
         let fitting: Vec<&Descriptors> = all.into_iter().filter(|one| Kind::of(one) == kind).collect();
-        Self { kind, centres: cluster(&sample(&fitting, kind.dim, seed), kind.dim) }
+        Self { kind, centres: k_means(&sample(&fitting, kind.dim, seed), kind.dim, CENTRES, ROUNDS) }
     }
 
     /// One vector of length 1 per picture; cosines between them say how alike two look. 0 without descriptors, and where
@@ -69,8 +68,9 @@ impl Vocabulary {
 
     fn pool<T: Value>(&self, values: &[T]) -> Vec<f32> {
         let mut sums = vec![0.0; self.centres.len()];
-        let nearest = Assign { centres: &self.centres, dim: self.kind.dim, values }.nearest();
-        for (row, centre) in values.chunks_exact(self.kind.dim).zip(nearest) {
+        let nearest = nearest_centres::<T, 1>(values, &self.centres, self.kind.dim);
+        for (row, [centre]) in values.chunks_exact(self.kind.dim).zip(nearest) {
+            let centre = centre as usize;
             let at = centre * self.kind.dim..(centre + 1) * self.kind.dim;
             let with_centre = sums[at.clone()].iter_mut().zip(&self.centres[at]);
             with_centre.zip(row).for_each(|((sum, centre), value)| *sum += value.unit() - centre);
@@ -112,23 +112,4 @@ fn sample(all: &[&Descriptors], dim: usize, seed: u64) -> Vec<f32> {
         }
     }
     rows
-}
-
-/// Lloyd's k-means, started from the first rows of the (random) sample; a centre that nothing is near to stays.
-fn cluster(sample: &[f32], dim: usize) -> Vec<f32> {
-    let mut centres = sample[..sample.len().min(CENTRES * dim)].to_vec();
-    for _ in 0..ROUNDS {
-        let nearest = Assign { centres: &centres, dim, values: sample }.nearest();
-        let mut sums = vec![0.0; centres.len()];
-        let mut counts = vec![0.0; centres.len() / dim];
-        for (row, &centre) in sample.chunks_exact(dim).zip(&nearest) {
-            counts[centre] += 1.0;
-            sums[centre * dim..(centre + 1) * dim].iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
-        }
-        let moved = centres.chunks_exact_mut(dim).zip(sums.chunks_exact(dim)).zip(&counts);
-        for ((centre, sum), &count) in moved.filter(|(_, count)| **count > 0.0) {
-            centre.iter_mut().zip(sum).for_each(|(to, sum)| *to = sum / count);
-        }
-    }
-    centres
 }

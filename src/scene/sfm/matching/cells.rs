@@ -1,0 +1,194 @@
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+
+use super::centres::{NO_CENTRE, k_means, nearest_centres};
+use super::lanes::{LANES, ROWS, tile};
+use super::record::{Record, Rule};
+use super::value::Value;
+
+/// Cells in which a descriptor of the first picture is looked for, and cells in which one of the second lies: those of
+/// its nearest centres.
+const PROBES: [usize; 2] = [3, 2];
+/// Descriptors of the largest picture per centre; at most [`MAX_CENTRES`] centres.
+const PER_CENTRE: usize = 32;
+const MAX_CENTRES: usize = 256;
+/// Descriptors per centre that the centres are found from, and rounds of k-means.
+const SAMPLE: usize = 32;
+const ROUNDS: usize = 4;
+/// Up to this many descriptors in the largest picture all are compared with all.
+const EXHAUSTIVE: usize = 512;
+
+/// The descriptors of one picture by cell.
+#[derive(Debug)]
+pub(super) struct Cells {
+    /// As a first and as a second picture, by cell.
+    members: [Vec<Vec<u32>>; 2],
+}
+
+impl Cells {
+    /// Cells around centres that the descriptors of all pictures have in common; one for all where there are few.
+    pub fn of_set<T: Value>(pictures: &[&[T]], dim: usize) -> Vec<Self> {
+        let most = pictures.iter().map(|values| values.len() / dim).max().unwrap_or(0);
+        if most <= EXHAUSTIVE {
+            return pictures.iter().map(|values| Self::one((values.len() / dim) as u32)).collect();
+        }
+        let count = (most / PER_CENTRE).min(MAX_CENTRES);
+        let centres = k_means(&sample(pictures, dim, count * SAMPLE), dim, count, ROUNDS);
+        pictures.par_iter().map(|values| Self::around(&centres, values, dim)).collect()
+    }
+
+    fn one(count: u32) -> Self {
+        Self { members: [0; 2].map(|_| vec![(0..count).collect()]) }
+    }
+
+    fn around<T: Value>(centres: &[f32], values: &[T], dim: usize) -> Self {
+        let mut members = [0; 2].map(|_| vec![Vec::new(); centres.len() / dim]);
+        for (index, near) in nearest_centres::<T, { PROBES[0] }>(values, centres, dim).into_iter().enumerate() {
+            for (members, probes) in members.iter_mut().zip(PROBES) {
+                for cell in near.into_iter().take(probes).filter(|&cell| cell != NO_CENTRE) {
+                    members[cell as usize].push(index as u32);
+                }
+            }
+        }
+        Self { members }
+    }
+}
+
+/// About `count` descriptors of all pictures, evenly spread and the pictures in turn, as vectors of length 1.
+fn sample<T: Value>(pictures: &[&[T]], dim: usize, count: usize) -> Vec<f32> {
+    let all: usize = pictures.iter().map(|values| values.len() / dim).sum();
+    let step = (all / count).max(1);
+    let mut rows: Vec<_> = pictures.iter().map(|values| values.chunks_exact(dim).step_by(step)).collect();
+    let mut mixed = Vec::with_capacity(2 * count * dim);
+    loop {
+        let before = mixed.len();
+        mixed.extend(rows.iter_mut().filter_map(Iterator::next).flatten().map(|value| value.unit()));
+        if mixed.len() == before {
+            return mixed;
+        }
+    }
+}
+
+/// Records of one picture's descriptors, with their bars beside them.
+struct Ranking {
+    rule: Rule,
+    records: Vec<Record>,
+    bars: Vec<f32>,
+}
+
+impl Ranking {
+    fn new(rule: Rule, count: usize) -> Self {
+        let blank = rule.blank();
+        Self { rule, records: vec![blank; count], bars: vec![rule.bar(blank); count] }
+    }
+
+    #[inline(always)]
+    fn enter(&mut self, at: u32, score: f32, index: u32) {
+        let at = at as usize;
+        // Most scores are of no consequence; the records of those are not even looked up.
+        if score >= self.bars[at] {
+            let record = self.rule.after(self.records[at], score, index);
+            self.records[at] = record;
+            self.bars[at] = self.rule.bar(record);
+        }
+    }
+
+    fn accepted(&self) -> Vec<Option<u32>> {
+        self.records.iter().map(|&record| self.rule.accepted(record)).collect()
+    }
+}
+
+/// The comparison of two pictures cell by cell, compiled for the processor at hand: for every descriptor of both its
+/// match in the other one.
+pub(super) struct Comparison<'a, T> {
+    pub cells: [&'a Cells; 2],
+    pub values: [&'a [T]; 2],
+    pub dim: usize,
+    pub rule: Rule,
+}
+
+impl<T: Value> Comparison<'_, T> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(&self) -> [Vec<Option<u32>>; 2] {
+        let mut rankings = self.values.map(|values| Ranking::new(self.rule, values.len() / self.dim));
+        let (mut rows, mut panels) = (Vec::new(), Vec::new());
+        let [firsts, seconds] = [&self.cells[0].members[0], &self.cells[1].members[1]];
+        for (firsts, seconds) in firsts.iter().zip(seconds).filter(|(a, b)| !a.is_empty() && !b.is_empty()) {
+            self.gather_rows(firsts, &mut rows);
+            self.gather_panels(seconds, &mut panels);
+            self.compare::<FUSED>([firsts, seconds], &rows, &panels, &mut rankings);
+        }
+        rankings.map(|ranking| ranking.accepted())
+    }
+
+    /// The members' descriptors one after the other, filled up to whole groups of rows.
+    #[inline(always)]
+    fn gather_rows(&self, members: &[u32], rows: &mut Vec<f32>) {
+        rows.clear();
+        rows.resize(members.len().next_multiple_of(ROWS) * self.dim, 0.0);
+        for (row, &index) in rows.chunks_exact_mut(self.dim).zip(members) {
+            let values = &self.values[0][index as usize * self.dim..][..self.dim];
+            row.iter_mut().zip(values).for_each(|(to, value)| *to = value.unit());
+        }
+    }
+
+    /// The members' descriptors as columns, in panels of [`LANES`].
+    #[inline(always)]
+    fn gather_panels(&self, members: &[u32], panels: &mut Vec<[f32; LANES]>) {
+        panels.clear();
+        panels.resize(members.len().div_ceil(LANES) * self.dim, [0.0; LANES]);
+        for (panel, members) in panels.chunks_exact_mut(self.dim).zip(members.chunks(LANES)) {
+            for (lane, &index) in members.iter().enumerate() {
+                let values = &self.values[1][index as usize * self.dim..][..self.dim];
+                panel.iter_mut().zip(values).for_each(|(to, value)| to[lane] = value.unit());
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn compare<const FUSED: bool>(
+        &self,
+        [firsts, seconds]: [&[u32]; 2],
+        rows: &[f32],
+        panels: &[[f32; LANES]],
+        [forth, back]: &mut [Ranking; 2],
+    ) {
+        for (panel, seconds) in panels.chunks_exact(self.dim).zip(seconds.chunks(LANES)) {
+            for (rows, firsts) in rows.chunks_exact(ROWS * self.dim).zip(firsts.chunks(ROWS)) {
+                let parts: [&[f32]; ROWS] = std::array::from_fn(|row| &rows[row * self.dim..(row + 1) * self.dim]);
+                let scores = tile::<FUSED>(parts, panel);
+                let mut bars = [f32::INFINITY; LANES];
+                for (bar, &second) in bars.iter_mut().zip(seconds) {
+                    *bar = back.bars[second as usize];
+                }
+                for (&first, scores) in firsts.iter().zip(&scores) {
+                    if reaches(scores, forth.bars[first as usize], &bars) {
+                        for (&second, &score) in seconds.iter().zip(scores) {
+                            forth.enter(first, score, second);
+                            back.enter(second, score, first);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Whether any of a row's scores reaches its bar or that of its column.
+#[inline(always)]
+fn reaches(scores: &[f32; LANES], row_bar: f32, column_bars: &[f32; LANES]) -> bool {
+    let mut any = false;
+    for lane in 0..LANES {
+        any |= (scores[lane] >= row_bar) | (scores[lane] >= column_bars[lane]);
+    }
+    any
+}
+
+impl<T: Value> WithSimd for Comparison<'_, T> {
+    type Output = [Vec<Option<u32>>; 2];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> Self::Output {
+        if S::IS_SCALAR { self.run::<false>() } else { self.run::<true>() }
+    }
+}
