@@ -1,3 +1,5 @@
+//! Tests of `engine/nn`.
+
 mod catalogue;
 mod install;
 mod network;

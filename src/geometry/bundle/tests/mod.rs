@@ -1,3 +1,5 @@
+//! Tests of `geometry/bundle`.
+
 mod behaviour;
 mod jacobians;
 mod recovery;

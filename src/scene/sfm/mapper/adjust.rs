@@ -8,6 +8,8 @@ use crate::scene::sfm::{IntrinsicsSource, KeypointId};
 
 /// Images that a camera must have taken before its intrinsics are refined.
 const REFINE_FROM_IMAGES: usize = 3;
+/// A camera took few of the images when this many times as many were placed.
+const FEW_SHARE: usize = 3;
 /// Rounds of adjusting all, each followed by finding what fits now and dropping what does not.
 const ROUNDS: usize = 5;
 /// Share of all sightings that must change for another round.
@@ -19,11 +21,13 @@ struct Effort {
     loss: Loss,
     iterations: usize,
     tolerance: f64,
+    /// Principal points of cameras that took few of the images are refined too.
+    principal: bool,
 }
 
-const LOCAL: Effort = Effort { loss: Loss::SoftL1 { px: 1.0 }, iterations: 15, tolerance: 1e-4 };
-const GLOBAL: Effort = Effort { loss: Loss::SoftL1 { px: 1.0 }, iterations: 30, tolerance: 1e-5 };
-const FINAL: Effort = Effort { loss: Loss::SoftL1 { px: 1.0 }, iterations: 100, tolerance: 1e-8 };
+const LOCAL: Effort = Effort { loss: Loss::SoftL1 { px: 1.0 }, iterations: 15, tolerance: 1e-4, principal: false };
+const GLOBAL: Effort = Effort { loss: Loss::SoftL1 { px: 1.0 }, iterations: 30, tolerance: 1e-5, principal: false };
+const FINAL: Effort = Effort { loss: Loss::SoftL1 { px: 1.0 }, iterations: 100, tolerance: 1e-8, principal: true };
 
 impl Mapper<'_> {
     /// Adjusts a new image with those that share most points with it.
@@ -97,7 +101,7 @@ impl Mapper<'_> {
             loss: effort.loss,
             max_iterations: effort.iterations,
             function_tolerance: effort.tolerance,
-            refine: (0..self.model.cameras.len()).map(|camera| self.refine(camera, free)).collect(),
+            refine: (0..self.model.cameras.len()).map(|camera| self.refine(camera, free, effort)).collect(),
             fixed_images: images.iter().map(is_fixed).collect(),
             ..BundleOptions::default()
         };
@@ -158,16 +162,18 @@ impl Mapper<'_> {
     }
 
     /// What of a camera is refined: nothing of one that is given, and nothing while some of its images stay fixed or
-    /// it has few.
-    fn refine(&self, camera: usize, free: &BTreeSet<u32>) -> Refine {
-        let mut own = self.model.placed().filter(|&image| self.problem.images[image as usize].camera == camera);
-        let all_free = own.all(|image| free.contains(&image));
+    /// there are few. The principal point of a camera with few of the images, which may be crops, is held well enough by
+    /// what the others see.
+    fn refine(&self, camera: usize, free: &BTreeSet<u32>, effort: Effort) -> Refine {
+        let own = || self.model.placed().filter(|&image| self.problem.images[image as usize].camera == camera);
+        let all_free = own().all(|image| free.contains(&image));
         let given = self.problem.cameras[camera].source == IntrinsicsSource::Given;
-        let enough = self.model.placed().count() >= REFINE_FROM_IMAGES;
-        if given || !all_free || !enough {
+        let placed = self.model.placed().count();
+        if given || !all_free || placed < REFINE_FROM_IMAGES {
             return Refine::NOTHING;
         }
-        Refine { focal: true, principal: false, distortion: true }
+        let few = own().count() * FEW_SHARE <= placed;
+        Refine { focal: true, principal: effort.principal && few, distortion: true }
     }
 
     /// Drops sightings with a large error, and points that are left without parallax; gives how many sightings went.

@@ -1,3 +1,5 @@
+//! Tests of `scene/sfm/onnx`.
+
 mod pair;
 mod parts;
 mod view;

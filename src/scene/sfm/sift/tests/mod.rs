@@ -1,3 +1,5 @@
+//! Tests of `scene/sfm/sift`.
+
 mod borders;
 mod keypoints;
 mod matching;
