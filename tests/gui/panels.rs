@@ -104,7 +104,10 @@ fn engine_lists_say_what_is_installed() {
 
 #[test]
 fn buttons_ask_for_undo_tracking_reconstruction_and_fusion() {
-    let mut harness = Desk::sample().shown();
+    let mut desk = Desk::sample();
+    // All sections are in sight.
+    desk.shell.view.prefs.timeline = false;
+    let mut harness = desk.shown();
     harness.get_by_label("Undo").click();
     harness.run_steps(2);
     for name in ["Track", "Reconstruct", "Fuse"] {

@@ -327,7 +327,7 @@ fn what_comes_later_says_what_it_needs() {
     let recording = Recording::new();
     let project = recording.project();
     assert!(refused(&["ground", &project, "--frame", "0", "--text", "thing"]).contains("network"));
-    assert!(refused(&["models", "list"]).contains("ONNX"));
+    assert!(refused(&["models", "install", "xfeat"]).contains("ostra models add xfeat FILE"));
     assert!(refused(&["reconstruct", &project, "--method", "sfm"]).len() > 30);
     done(&["label", &project, "thing"]);
     done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);

@@ -82,7 +82,7 @@ fn keypoints_are_read_again_where_they_are_shown() {
     assert!(text.contains("\n2 4 5 6 0 0 0 -1 1 0 2 0 3 0 4 0\n"), "{text}");
     // The third frame is shown turned clockwise: stored (x, y) = (y shown, h stored − x shown).
     let images = std::fs::read_to_string(folder.path().join("images.txt")).unwrap();
-    assert!(images.lines().nth(6).unwrap().starts_with("20.5 467.75 2 "), "{images}");
+    assert!(images.lines().nth(6).unwrap().starts_with("20.5 627.75 2 "), "{images}");
 }
 
 proptest! {
