@@ -309,8 +309,11 @@ fn a_known_length_gives_the_unit() {
     assert!((factor * distance / 250.0 - 1.0).abs() < 0.01, "{factor} · {distance}");
 }
 
+/// Frames and the pixels at which they see a point.
+type Sightings = Vec<(usize, [f64; 2])>;
+
 /// Pixels at which frames 1 and 2 see two points of a text model, and the distance of the points.
-fn two_points(model: &Path) -> ([Vec<(usize, [f64; 2])>; 2], f64) {
+fn two_points(model: &Path) -> ([Sightings; 2], f64) {
     let lines = |name: &str| -> Vec<String> {
         let text = std::fs::read_to_string(model.join(name)).unwrap();
         text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
