@@ -129,6 +129,8 @@ pub enum Action {
     ToggleTimeline,
     /// The window of cameras and matches, or not.
     ToggleMatches,
+    /// Photo, depth, normals, confidence, and round again.
+    NextLayer,
     /// Preview of a click on and off.
     ToggleHover,
     /// Outlines on and off.
@@ -332,6 +334,7 @@ const LIST: &[Row] = {
         A::CompareBefore, VIEW, false, "Compare with before", "Shows this frame's masks before the last step that changed them, and back", plain(Key::F4);
         A::ToggleTimeline, VIEW, false, "Show timeline", "Shows or hides the grid of labels and frames above the filmstrip", plain(Key::F2);
         A::ToggleMatches, VIEW, false, "Cameras and matches", "Shows what the cameras were found with: matches between two frames, errors, and why frames have no camera", plain(Key::F6);
+        A::NextLayer, VIEW, false, "Next layer", "Shows depth, normals and confidence in the photo's place, one after the other", plain(Key::F7);
         A::ToggleHover, VIEW, false, "Preview a click", "Shows lightly what a click would give where the pointer rests", plain(Key::F3);
         A::FrameCloud, VIEW, true, "Show whole cloud", "Brings the whole cloud into the 3-D view", plain(Key::A);
         A::LookThrough, VIEW, false, "Look through this frame's camera", "Puts the 3-D view where this frame was taken", plain(Key::L);

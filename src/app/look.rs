@@ -1,6 +1,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::Layers;
 use crate::masks::RunMask;
 use crate::scene::LabelledCloud;
 use crate::session::{Engine, EngineKind, Estimate, JobView, Pictures, Project, SparseModel, Suggestion};
@@ -20,6 +21,8 @@ pub struct Look<'a> {
     pub inspected: Option<&'a Path>,
     /// Pictures and thumbnails.
     pub pictures: Option<&'a Pictures>,
+    /// Depth and the like, drawn.
+    pub layers: Option<&'a Layers>,
     /// What an include click where the pointer rests would give.
     pub hovered: Option<&'a Arc<RunMask>>,
     /// What is running, oldest first.

@@ -5,6 +5,7 @@
 mod action;
 mod canvas;
 mod dialogs;
+mod layers;
 mod look;
 mod menu;
 mod notices;
@@ -23,6 +24,7 @@ mod window;
 
 pub use action::{Action, MenuName};
 pub use canvas::{CanvasMap, Draft, Tool};
+pub use layers::{Drawn, Layers, layers_of};
 pub use look::Look;
 pub use notices::{Notice, Notices, Severity};
 pub use prefs::Prefs;

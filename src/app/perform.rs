@@ -2,12 +2,13 @@ use egui::{Context, ThemePreference, ViewportCommand};
 
 use super::canvas::{clear_label, click_at};
 use super::menu::is_possible;
-use super::panels::{Ruler, add_label, listed};
+use super::panels::{Ruler, add_label, listed, pairs_in};
 use super::ranges::{is_range_change, next_doubtful, range_request, set_range, split_at};
 use super::view_state::{IntoWish, PathWish, SceneWish};
-use super::{Action, Dialog, Look, Panes, ViewState};
+use super::{Action, Dialog, Look, Panes, Severity, ViewState};
 use crate::masks::Direction;
-use crate::session::{Command, TidyRequest};
+use crate::session::{Command, ReconstructRequest, TidyRequest};
+use crate::view::Layer;
 
 /// Does an action: changes what is looked at, or hands out commands.
 pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
@@ -52,7 +53,7 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::TrackBackward => track_from_here(view, Direction::Backward, out),
         Action::Retrack => out.extend(view.retracking(look).map(Command::Track)),
         Action::Suggest => out.push(Command::Suggest),
-        Action::Reconstruct => out.push(Command::Reconstruct(view.reconstruct.clone())),
+        Action::Reconstruct => reconstruct(view, out),
         Action::SetScale => {
             out.extend(view.ruler.command());
             view.ruler = Ruler::default();
@@ -62,6 +63,13 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::Cancel => cancel(look, view, out),
         Action::ToggleTheme => toggle_theme(ctx),
         other => look_differently(other, ctx, view),
+    }
+}
+
+fn reconstruct(view: &mut ViewState, out: &mut Vec<Command>) {
+    match pairs_in(&view.pairs_text) {
+        Ok(pairs) => out.push(Command::Reconstruct(ReconstructRequest { pairs, ..view.reconstruct.clone() })),
+        Err(wrong) => view.notices.tell(Severity::Error, wrong),
     }
 }
 
@@ -109,6 +117,10 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         Action::ToggleTimeline => view.prefs.timeline = !view.prefs.timeline,
         Action::ToggleMatches => view.matches.open = !view.matches.open,
         Action::ToggleHover => view.prefs.hover_preview = !view.prefs.hover_preview,
+        Action::NextLayer => {
+            let next = Layer::ALL.iter().position(|&layer| layer == view.layer).map_or(0, |at| at + 1);
+            view.layer = Layer::ALL[next % Layer::ALL.len()];
+        }
         Action::ToggleOutlines => view.prefs.outlines = !view.prefs.outlines,
         Action::ShowBoth => view.prefs.panes = Panes::Both,
         Action::ShowPicture => view.prefs.panes = Panes::Picture,

@@ -10,7 +10,7 @@ use super::presence::Presence;
 use super::{Look, Notices, Prefs};
 use crate::masks::{Direction, LabelId};
 use crate::session::{FuseRequest, PromptRequest, ReconstructRequest, TrackSettings};
-use crate::view::Coloring;
+use crate::view::{Coloring, Layer};
 
 /// All that belongs to looking and not to the project: the frame shown, the tool, the eye. Never saved with a project.
 pub struct ViewState {
@@ -46,6 +46,8 @@ pub struct ViewState {
     pub track: TrackSettings,
     /// Settings of the Reconstruct panel.
     pub reconstruct: ReconstructRequest,
+    /// What is typed there for pairs to be matched.
+    pub pairs_text: String,
     /// Settings of the Fuse panel.
     pub fuse: FuseRequest,
     /// The dialog that is open.
@@ -82,6 +84,8 @@ pub struct ViewState {
     pub ruler: Ruler,
     /// The window of cameras and matches.
     pub matches: MatchView,
+    /// What is shown of the frame.
+    pub layer: Layer,
     /// Where the pointer rests over the picture.
     pub rest: Option<Rest>,
     /// The prompt that a click there would send, to be previewed.
@@ -177,6 +181,7 @@ impl ViewState {
             range_from: None,
             track: TrackSettings::default(),
             reconstruct: ReconstructRequest::default(),
+            pairs_text: String::new(),
             fuse: FuseRequest::default(),
             dialog: None,
             new_project: NewProjectForm::default(),
@@ -195,6 +200,7 @@ impl ViewState {
             scene_wish: None,
             ruler: Ruler::default(),
             matches: MatchView::default(),
+            layer: Layer::Photo,
             rest: None,
             hover_wish: None,
             pointer_px: None,

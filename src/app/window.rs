@@ -6,7 +6,7 @@ use egui::{Context, ViewportBuilder, ViewportCommand};
 
 use super::dialogs::NewProjectForm;
 use super::theme::set_theme;
-use super::{Dialog, Look, Prefs, Severity, Shell};
+use super::{Dialog, Layers, Look, Prefs, Severity, Shell, layers_of};
 use crate::frames::Frame;
 use crate::session::{Command, Engine, Estimate, Event, Pictures, Project, Recent, Session, engines};
 
@@ -32,6 +32,7 @@ pub struct Window {
     shell: Shell,
     nothing: Arc<Project>,
     pictures: Option<Pictures>,
+    layers: Option<Layers>,
     pictured: Arc<Vec<Frame>>,
     engines: Vec<Engine>,
     recent: Recent,
@@ -63,6 +64,7 @@ impl Window {
             shell,
             nothing: Arc::default(),
             pictures: None,
+            layers: None,
             pictured: Arc::default(),
             engines: engines(),
             recent,
@@ -115,6 +117,7 @@ impl Window {
             sparse: self.session.sparse(),
             inspected: self.session.inspected(),
             pictures: self.pictures.as_ref(),
+            layers: self.layers.as_ref(),
             hovered: self.session.hovered(),
             jobs: &jobs,
             engines: &self.engines,
@@ -184,12 +187,14 @@ impl Window {
         }
     }
 
-    /// Loads pictures of the frames that are open now; cameras and depths may change without loading anew.
+    /// Loads pictures of the frames that are open now; when only cameras and depths change, the pictures stay.
     fn follow_frames(&mut self, ctx: &Context) {
         let frames = &self.session.project().unwrap_or(&self.nothing).frames;
         if Arc::ptr_eq(frames, &self.pictured) {
             return;
         }
+        let (waker, store) = (ctx.clone(), Arc::clone(self.session.store()));
+        self.layers = Some(layers_of(Arc::clone(frames), store, move || waker.request_repaint()));
         let same = frames.len() == self.pictured.len()
             && frames.iter().zip(self.pictured.iter()).all(|(a, b)| a.picture == b.picture);
         if !same {

@@ -78,7 +78,7 @@ pub(super) enum SceneName {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum DemoMethod {
+pub(super) enum MethodName {
     Given,
     Mvs,
     Rgbd,
@@ -97,7 +97,7 @@ pub(super) struct DemoArgs {
     pub scene: SceneName,
     /// Where cameras and depths come from.
     #[arg(long, default_value = "given")]
-    pub method: DemoMethod,
+    pub method: MethodName,
     /// Number of views.
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..=1000))]
     pub frames: u32,
@@ -229,7 +229,7 @@ pub(super) struct ReconstructArgs {
     #[arg(long, default_value = "auto", value_parser = ["auto", "cpu", "gpu"])]
     pub device: String,
     /// Longer sides are worked on at this size.
-    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..))]
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=8192))]
     pub max_side: Option<u32>,
     /// Only where masks have a label.
     #[arg(long)]

@@ -1,20 +1,19 @@
 use anyhow::{Context, Result, bail};
 
-use super::args::{DemoArgs, DemoMethod, SceneName};
+use super::args::{DemoArgs, MethodName, SceneName};
 use super::drive::ProgressLines;
 use super::print::say;
 use crate::scene::synthetic::{SceneKind, SceneOptions};
 use crate::session::Session;
-use crate::session::demo::{DemoOptions, run_demo};
+use crate::session::demo::{DemoMethod, DemoOptions, run_demo};
 use crate::view::{Coloring, ShotOptions, shot, write_png};
 
 pub(super) fn demo(args: &DemoArgs) -> Result<()> {
-    if args.method != DemoMethod::Given {
-        bail!(
-            "demo --method {:?} needs an engine that this version does not have yet; use --method given",
-            args.method
-        );
-    }
+    let method = match args.method {
+        MethodName::Given => DemoMethod::Given,
+        MethodName::Mvs => DemoMethod::Stereo,
+        MethodName::Rgbd => bail!("RGB-D registration is not in this version yet; use --method given or mvs"),
+    };
     let (width, height) = args.size;
     let scene = match args.scene {
         SceneName::Tiller => SceneKind::Tiller,
@@ -24,7 +23,7 @@ pub(super) fn demo(args: &DemoArgs) -> Result<()> {
         SceneOptions { scene, views: args.frames as usize, width, height, seed: args.seed, ..SceneOptions::default() };
     let mut session = Session::new();
     let mut lines = ProgressLines::default();
-    let options = DemoOptions { out: args.out.clone(), scene };
+    let options = DemoOptions { out: args.out.clone(), scene, method };
     let report = run_demo(&mut session, &options, &mut |jobs| lines.glance(jobs))?;
     lines.end();
     session.save()?;

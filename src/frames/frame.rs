@@ -61,16 +61,45 @@ impl PictureSource {
     }
 }
 
-/// Where a frame's depth comes from: a 16-bit picture, pixel for pixel with the stored colour picture.
+/// Where a frame's depth comes from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DepthSource {
-    /// Absolute path.
-    pub path: PathBuf,
-    /// World units (metres) per step of the stored value; stored 0 and 65535 mean unknown.
-    pub unit: f64,
-    /// Turn to apply, that of the colour picture.
-    #[serde(default)]
-    pub orientation: Orientation,
+#[serde(untagged)]
+pub enum DepthSource {
+    /// A sensor: a 16-bit picture, pixel for pixel with the stored colour picture.
+    Sensor {
+        /// Absolute path.
+        path: PathBuf,
+        /// World units (metres) per step of the stored value; stored 0 and 65535 mean unknown.
+        unit: f64,
+        /// Turn to apply, that of the colour picture.
+        #[serde(default)]
+        orientation: Orientation,
+    },
+    /// A reconstruction: a depth map with a camera of its own, which lies with the project (see [`super::MadeDepth`]).
+    Made {
+        /// Path below [`super::FrameStore`]'s home, the project's folder, with which it moves.
+        made: PathBuf,
+        /// World units per unit of the map: other than 1 where the scene was scaled since.
+        scale: f64,
+    },
+}
+
+impl DepthSource {
+    /// The sensor's picture; `None` for depth that was made.
+    #[must_use]
+    pub fn sensor_path(&self) -> Option<&Path> {
+        match self {
+            Self::Sensor { path, .. } => Some(path),
+            Self::Made { .. } => None,
+        }
+    }
+
+    pub(super) fn sensor_path_mut(&mut self) -> Option<&mut PathBuf> {
+        match self {
+            Self::Sensor { path, .. } => Some(path),
+            Self::Made { .. } => None,
+        }
+    }
 }
 
 /// The camera of one frame, for the picture as it is shown (turned upright).
@@ -118,5 +147,11 @@ impl Frame {
     pub fn posed_camera(&self) -> Option<(&Camera, &Pose)> {
         let camera = self.camera.as_ref()?;
         Some((&camera.intrinsics, camera.camera_from_world.as_ref()?))
+    }
+
+    /// Whether a sensor measured its depth.
+    #[must_use]
+    pub fn has_sensor_depth(&self) -> bool {
+        matches!(self.depth, Some(DepthSource::Sensor { .. }))
     }
 }

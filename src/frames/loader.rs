@@ -4,13 +4,15 @@ use std::sync::Arc;
 use super::cache::{Cache, Weigh};
 use super::decode::{decode_depth, decode_picture};
 use super::film::Films;
-use super::{DepthMap, DepthSource, Frame, FrameError, Image, PictureSource};
+use super::{DepthMap, DepthSource, Frame, FrameError, Image, MadeDepth, PictureSource};
 
 /// Decodes pictures and depths and keeps the latest.
 #[derive(Debug)]
 pub(super) struct Loader {
     pixels: Cache<Key, Pixels>,
     films: Films,
+    /// The folder that made depths lie below.
+    home: PathBuf,
 }
 
 /// What pixels are made from.
@@ -19,6 +21,7 @@ pub(super) enum Key {
     File { path: PathBuf, orientation: u8 },
     Film { path: PathBuf, index: u64 },
     Depth { path: PathBuf, orientation: u8, unit_bits: u64 },
+    Made { path: PathBuf, scale_bits: u64, lens: String },
 }
 
 #[derive(Debug, Clone)]
@@ -51,15 +54,23 @@ impl Key {
         }
     }
 
-    fn of_depth(source: &DepthSource) -> Self {
-        let DepthSource { path, unit, orientation } = source;
-        Self::Depth { path: path.clone(), orientation: orientation.0, unit_bits: unit.to_bits() }
+    fn of_depth(frame: &Frame, source: &DepthSource) -> Self {
+        match source {
+            DepthSource::Sensor { path, unit, orientation } => {
+                Self::Depth { path: path.clone(), orientation: orientation.0, unit_bits: unit.to_bits() }
+            }
+            // It is seen through the frame's lens, which may change.
+            DepthSource::Made { made, scale } => {
+                let lens = frame.camera.map(|camera| format!("{:?}", camera.intrinsics));
+                Self::Made { path: made.clone(), scale_bits: scale.to_bits(), lens: lens.unwrap_or_default() }
+            }
+        }
     }
 }
 
 impl Loader {
-    pub fn new(budget_bytes: usize) -> Self {
-        Self { pixels: Cache::new(budget_bytes), films: Films::default() }
+    pub fn new(budget_bytes: usize, home: PathBuf) -> Self {
+        Self { pixels: Cache::new(budget_bytes), films: Films::default(), home }
     }
 
     pub fn bytes(&self) -> usize {
@@ -83,13 +94,29 @@ impl Loader {
 
     pub fn depth(&self, frame: &Frame) -> Result<Option<Arc<DepthMap>>, FrameError> {
         let Some(source) = &frame.depth else { return Ok(None) };
-        let decode = || decode_depth(&source.path, source.unit, source.orientation).map(Arc::new);
-        let depth = match self.pixels.get(&Key::of_depth(source), || decode().map(Pixels::Depth))? {
+        let decode = || self.decode_depth(frame, source).map(Arc::new);
+        let depth = match self.pixels.get(&Key::of_depth(frame, source), || decode().map(Pixels::Depth))? {
             Pixels::Depth(depth) => depth,
             Pixels::Image(_) => decode()?,
         };
-        check_size(frame, &source.path, (depth.width, depth.height))?;
+        let path = source.sensor_path().unwrap_or(frame.picture.path());
+        check_size(frame, path, (depth.width, depth.height))?;
         Ok(Some(depth))
+    }
+
+    /// The map that was made for a frame, without keeping it.
+    pub fn made_depth(&self, frame: &Frame) -> Result<Option<MadeDepth>, FrameError> {
+        match &frame.depth {
+            Some(DepthSource::Made { made, .. }) => MadeDepth::read(&self.home.join(made)).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    fn decode_depth(&self, frame: &Frame, source: &DepthSource) -> Result<DepthMap, FrameError> {
+        match source {
+            DepthSource::Sensor { path, unit, orientation } => decode_depth(path, *unit, *orientation),
+            DepthSource::Made { made, scale } => Ok(MadeDepth::read(&self.home.join(made))?.seen_by(frame, *scale)),
+        }
     }
 
     /// The picture without keeping it.

@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use super::{Frame, FrameError};
+use super::{DepthSource, Frame, FrameError};
 
 /// The source files that are not where they were, each once, in the order of the frames.
 #[must_use]
@@ -36,7 +36,7 @@ pub fn relocate(frames: &mut [Frame], old_root: &Path, new_root: &Path) -> Resul
     let mut count = 0;
     for frame in frames {
         let mut changed = false;
-        let depth = frame.depth.as_mut().map(|depth| &mut depth.path);
+        let depth = frame.depth.as_mut().and_then(DepthSource::sensor_path_mut);
         for path in [Some(frame.picture.path_mut()), depth].into_iter().flatten() {
             if let Some(new) = moved(path) {
                 (*path, changed) = (new, true);
@@ -52,7 +52,7 @@ pub fn relocate(frames: &mut [Frame], old_root: &Path, new_root: &Path) -> Resul
 }
 
 fn sources(frame: &Frame) -> impl Iterator<Item = &Path> {
-    let depth = frame.depth.as_ref().map(|depth| depth.path.as_path());
+    let depth = frame.depth.as_ref().and_then(DepthSource::sensor_path);
     [Some(frame.picture.path()), depth].into_iter().flatten()
 }
 

@@ -1,10 +1,11 @@
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::background::Background;
 use super::cache::Cache;
 use super::loader::{Key, Loader, depth_bytes, picture_bytes};
 use super::thumbnail::shrink;
-use super::{DepthMap, Frame, FrameError, Image, PictureSource};
+use super::{DepthMap, Frame, FrameError, Image, MadeDepth, PictureSource};
 use crate::engine::job::{Progress, Stopped};
 
 /// Bytes of thumbnails that are kept.
@@ -25,9 +26,15 @@ impl FrameStore {
     /// A store that keeps at most `budget_bytes` of decoded pixels, and 32 MiB of thumbnails besides.
     #[must_use]
     pub fn new(budget_bytes: usize) -> Self {
+        Self::at_home(budget_bytes, PathBuf::new())
+    }
+
+    /// As [`Self::new`]; depths that a reconstruction made are looked for below the folder `home`.
+    #[must_use]
+    pub fn at_home(budget_bytes: usize, home: PathBuf) -> Self {
         let threads = std::thread::available_parallelism().map_or(1, |cores| cores.get().div_ceil(2).min(4));
         Self {
-            loader: Arc::new(Loader::new(budget_bytes)),
+            loader: Arc::new(Loader::new(budget_bytes, home)),
             budget_bytes,
             thumbnails: Arc::new(Cache::new(THUMBNAIL_BYTES)),
             ahead: Background::new("prefetch", threads),
@@ -61,6 +68,14 @@ impl FrameStore {
     /// As [`Self::image`].
     pub fn depth(&self, frame: &Frame) -> Result<Option<Arc<DepthMap>>, FrameError> {
         self.loader.depth(frame)
+    }
+
+    /// The depth map that a reconstruction made for the frame, at its own size; `None` where it has none. Not kept.
+    ///
+    /// # Errors
+    /// As [`Self::image`].
+    pub fn made_depth(&self, frame: &Frame) -> Result<Option<MadeDepth>, FrameError> {
+        self.loader.made_depth(frame)
     }
 
     /// Decodes pictures and depths in the background, the first first, until half the budget is spent on them. The

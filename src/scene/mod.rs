@@ -12,6 +12,7 @@ pub mod ply;
 pub mod points;
 pub mod score;
 pub mod sfm;
+pub mod stereo;
 pub mod synthetic;
 
 pub use carry::{CarryOptions, GeometryTracker};

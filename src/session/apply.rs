@@ -4,7 +4,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 
 use super::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind, ResultRecord};
-use crate::frames::{Frame, FrameCamera};
+use crate::frames::{DepthSource, Frame, FrameCamera};
 use crate::masks::{Label, LabelId, Prompt};
 
 impl Project {
@@ -21,6 +21,7 @@ impl Project {
             Edit::SetMarks { label, marks } => self.set_marks(label, marks),
             Edit::SetStale { frames, stale } => Ok(self.set_stale(&frames, stale)),
             Edit::SetCamera { frame, camera } => self.set_camera(frame, camera),
+            Edit::SetDepth { frame, depth } => self.set_depth(frame, depth),
             Edit::AddFrames { frames } => self.add_frames(frames),
             Edit::DropFrames { keep } => self.drop_frames(keep),
             Edit::SetFrame { frame, value } => self.set_frame(frame, *value),
@@ -146,6 +147,15 @@ impl Project {
         Ok(Edit::SetCamera { frame, camera: std::mem::replace(place, camera) })
     }
 
+    fn set_depth(&mut self, frame: usize, depth: Option<DepthSource>) -> Result<Edit> {
+        let name = &self.frame(frame)?.name;
+        if let Some(depth) = &depth {
+            check_depth(name, depth)?;
+        }
+        let place = &mut Arc::make_mut(&mut self.frames)[frame].depth;
+        Ok(Edit::SetDepth { frame, depth: std::mem::replace(place, depth) })
+    }
+
     fn add_frames(&mut self, frames: Vec<Frame>) -> Result<Edit> {
         let mut names: std::collections::BTreeSet<&str> = self.frames.iter().map(|frame| frame.name.as_str()).collect();
         for frame in &frames {
@@ -204,13 +214,21 @@ fn check_frame(frame: &Frame) -> Result<()> {
     let plain = inside && !name.is_empty() && !name.contains(['\\', '\n', '\r', '\0']) && !name.ends_with('/');
     ensure!(plain, "'{name}' cannot be the name of a frame; rename the file");
     ensure!(frame.width > 0 && frame.height > 0, "{name}: the picture has no pixels");
-    if let Some(depth) = &frame.depth {
-        ensure!(depth.unit.is_finite() && depth.unit > 0.0, "{name}: the depth unit must be a number above 0");
-    }
+    frame.depth.as_ref().map_or(Ok(()), |depth| check_depth(name, depth))?;
     if let crate::frames::PictureSource::Film { time_s, .. } = frame.picture {
         ensure!(time_s.is_finite(), "{name}: its time in the film is not a finite number");
     }
     frame.camera.as_ref().map_or(Ok(()), |camera| check_camera(name, camera))
+}
+
+fn check_depth(name: &str, depth: &DepthSource) -> Result<()> {
+    let (DepthSource::Sensor { unit, .. } | DepthSource::Made { scale: unit, .. }) = depth;
+    ensure!(unit.is_finite() && *unit > 0.0, "{name}: the depth unit must be a number above 0");
+    if let DepthSource::Made { made, .. } = depth {
+        let inside = made.components().all(|part| matches!(part, Component::Normal(_)));
+        ensure!(inside, "{name}: {}: its depth map must lie in the project's folder", made.display());
+    }
+    Ok(())
 }
 
 fn check_camera(name: &str, camera: &FrameCamera) -> Result<()> {

@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{FrameMask, Marks, ResultKind, ResultRecord};
-use crate::frames::{Frame, FrameCamera};
+use crate::frames::{DepthSource, Frame, FrameCamera};
 use crate::masks::{Label, LabelId, Prompt};
 
 /// "Set X to this": the only way a [`super::Project`] changes. `Project::apply` returns the inverse.
@@ -52,6 +52,13 @@ pub enum Edit {
         frame: usize,
         /// `None` = unknown.
         camera: Option<FrameCamera>,
+    },
+    /// Sets where a frame's depth comes from.
+    SetDepth {
+        /// Frame number.
+        frame: usize,
+        /// `None` = it has none.
+        depth: Option<DepthSource>,
     },
     /// Puts frames at the end of the sequence.
     AddFrames {

@@ -4,6 +4,7 @@ use anyhow::{Result, bail, ensure};
 
 use super::{Project, TrackSettings};
 use crate::engine::nn::{Catalogue, Runtime, models_folder};
+use crate::frames::Frame;
 use crate::masks::builtin::BuiltinSegmenter;
 use crate::masks::flow::FlowTracker;
 use crate::masks::{Segmenter, Tracker};
@@ -106,12 +107,15 @@ pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box
         !settings.constrain,
         "--constrain needs a tracker with network weights, which this version cannot load yet"
     );
-    let geometry = project.frames.iter().any(|frame| frame.depth.is_some() && frame.posed_camera().is_some());
+    let has_geometry = |frame: &Frame| frame.depth.is_some() && frame.posed_camera().is_some();
+    let (frames, any) = (&project.frames, project.frames.iter().any(has_geometry));
+    // Depth made of some frames alone says nothing of those between.
+    let everywhere = frames.iter().any(Frame::has_sensor_depth) || frames.iter().all(has_geometry);
     match settings.tracker.as_str() {
         "flow" => Ok(Box::new(FlowTracker::default())),
-        "auto" if !geometry => Ok(Box::new(FlowTracker::default())),
+        "auto" if !(any && everywhere) => Ok(Box::new(FlowTracker::default())),
         _ => {
-            ensure!(geometry, "'geometry' needs frames with depth and cameras; add both first, or track with 'flow'");
+            ensure!(any, "'geometry' needs frames with depth and cameras; add both first, or track with 'flow'");
             Ok(Box::new(GeometryTracker::default()))
         }
     }

@@ -9,6 +9,7 @@ mod cloud;
 mod command;
 mod commands;
 pub mod demo;
+mod drawings;
 mod edit;
 mod engines;
 mod estimate;
@@ -38,6 +39,7 @@ pub use command::{
     Command, ExportRequest, FuseRequest, NewProject, PaintRequest, PromptRequest, RangeChange, RangeRequest, Recipe,
     ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest, TidyRequest, TraceRequest, TrackSettings,
 };
+pub use drawings::Drawings;
 pub use edit::Edit;
 pub use engines::{Engine, EngineKind, engines};
 pub use estimate::Estimate;

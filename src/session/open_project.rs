@@ -6,6 +6,7 @@ use anyhow::{Result, bail};
 use super::store::{self, Act, Checkpoint, Folder, HISTORY_BYTES, Loaded, Written};
 use super::{Change, Edit, History, JobId, Project, ResultKind, Step};
 use crate::engine::job::Progress;
+use crate::frames::Frame;
 
 /// A project with its folder and history: makes steps whole or not at all, in memory and on the disk alike.
 #[derive(Debug)]
@@ -17,6 +18,8 @@ pub struct OpenProject {
     growing: Option<JobId>,
     /// Which version of the results stands under plain names; `None` = not known.
     published: Option<Option<u64>>,
+    /// The frames whose depth maps stand under plain names; `None` = not known.
+    published_depths: Option<Arc<Vec<Frame>>>,
 }
 
 impl OpenProject {
@@ -29,6 +32,7 @@ impl OpenProject {
             folder: loaded.folder,
             growing: None,
             published: None,
+            published_depths: None,
         }
     }
 
@@ -38,7 +42,14 @@ impl OpenProject {
     /// As [`Folder::create`].
     pub fn create(root: &Path, project: Project) -> Result<Self> {
         let folder = Folder::create(root, &project)?;
-        Ok(Self { project: Arc::new(project), history: History::default(), folder, growing: None, published: None })
+        Ok(Self {
+            project: Arc::new(project),
+            history: History::default(),
+            folder,
+            growing: None,
+            published: None,
+            published_depths: None,
+        })
     }
 
     /// The project as it is now; a snapshot costs nothing.
@@ -142,8 +153,13 @@ impl OpenProject {
     pub fn publish(&mut self) -> Result<()> {
         let version = store::version_in_force(&self.project, ResultKind::Cloud);
         if self.published != Some(version) {
-            store::publish(self.root(), version)?;
+            store::publish_cloud(self.root(), version)?;
             self.published = Some(version);
+        }
+        let frames = &self.project.frames;
+        if self.published_depths.as_ref().is_none_or(|published| !Arc::ptr_eq(published, frames)) {
+            store::publish_depths(self.root(), frames)?;
+            self.published_depths = Some(Arc::clone(&self.project.frames));
         }
         Ok(())
     }

@@ -16,7 +16,7 @@ use crate::frames::FrameStore;
 use crate::masks::RunMask;
 
 /// Bytes of decoded pictures and depths kept.
-const PIXEL_BYTES: usize = 256 << 20;
+pub(super) const PIXEL_BYTES: usize = 256 << 20;
 
 /// Bytes of frames made ready for prompts.
 const PREPARED_BYTES: usize = 384 << 20;

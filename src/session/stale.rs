@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind};
-use crate::frames::{Frame, FrameCamera};
+use crate::frames::{DepthSource, Frame, FrameCamera};
 use crate::masks::{Label, LabelId};
 
 impl Project {
@@ -14,6 +14,7 @@ impl Project {
             Edit::SetMarks { label, marks } => self.after_marks(*label, marks),
             Edit::SetLabel { id, label } => self.after_label(self.labels.get(*id), label.as_ref()),
             Edit::SetCamera { frame, camera } => self.after_camera(*frame, camera.as_ref()),
+            Edit::SetDepth { frame, depth } => self.after_depth(*frame, depth),
             Edit::SetFrame { frame, value } => self.after_frame(*frame, value),
             Edit::SetPrompt { .. }
             | Edit::SetStale { .. }
@@ -77,12 +78,14 @@ impl Project {
     }
 
     fn after_frame(&self, frame: usize, value: &Frame) -> Vec<Edit> {
-        let unit = |frame: &Frame| frame.depth.as_ref().map(|depth| depth.unit);
-        let shape = |frame: &Frame| (frame.width, frame.height, frame.camera, unit(frame));
-        if self.frames.get(frame).is_some_and(|before| shape(before) == shape(value)) {
-            return Vec::new();
-        }
-        self.after_geometry()
+        let shape = |frame: &Frame| (frame.width, frame.height, frame.camera);
+        let same = |before: &Frame| shape(before) == shape(value) && tells_the_same(&before.depth, &value.depth);
+        if self.frames.get(frame).is_some_and(same) { Vec::new() } else { self.after_geometry() }
+    }
+
+    fn after_depth(&self, frame: usize, depth: &Option<DepthSource>) -> Vec<Edit> {
+        let same = |before: &Frame| tells_the_same(&before.depth, depth);
+        if self.frames.get(frame).is_some_and(same) { Vec::new() } else { self.after_geometry() }
     }
 
     /// Cameras or depths change: what was carried through them, made from them or seen by them is stale.
@@ -111,5 +114,13 @@ impl Project {
     fn stale_result(&self, kind: ResultKind) -> Option<Edit> {
         let record = self.results.get(&kind).filter(|record| !record.stale)?;
         Some(Edit::SetResult { kind, record: Some(super::ResultRecord { stale: true, ..record.clone() }) })
+    }
+}
+
+/// A sensor's pictures may be moved to another place and tell the same.
+fn tells_the_same(before: &Option<DepthSource>, now: &Option<DepthSource>) -> bool {
+    match (before, now) {
+        (Some(DepthSource::Sensor { unit: before, .. }), Some(DepthSource::Sensor { unit: now, .. })) => before == now,
+        (before, now) => before == now,
     }
 }

@@ -56,8 +56,9 @@ pub(super) fn point_color(
     })
 }
 
-/// A perceptually ordered ramp through five stops (violet, blue, green, lime, yellow).
-fn ramp(share: f32) -> [u8; 3] {
+/// A perceptually ordered ramp through five stops (violet, blue, green, lime, yellow): sRGB for a share from 0 to 1.
+#[must_use]
+pub fn ramp(share: f32) -> [u8; 3] {
     const STOPS: [[f32; 3]; 5] =
         [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 201.0, 98.0], [253.0, 231.0, 37.0]];
     let at = share.clamp(0.0, 1.0) * 4.0;

@@ -7,6 +7,7 @@ mod bounds;
 mod cloud_view;
 mod coloring;
 mod error;
+mod layers;
 mod lines;
 mod orbit;
 mod overlay;
@@ -18,8 +19,9 @@ mod shot;
 
 pub use bounds::Bounds;
 pub use cloud_view::{CloudView, Scene3d};
-pub use coloring::Coloring;
+pub use coloring::{Coloring, ramp};
 pub use error::ViewError;
+pub use layers::{Layer, LayerPicture, draw_layer};
 pub use lines::{Line, frustum_lines};
 pub use orbit::{Orbit, ViewCamera};
 pub use overlay::{OverlayStyle, overlay};

@@ -8,7 +8,7 @@ use egui::{Pos2, Ui, Vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use egui_kittest::{Harness, HarnessBuilder};
 use glam::{DQuat, DVec3, Vec3};
-use ostra::app::{Look, Prefs, Shell};
+use ostra::app::{Layers, Look, Prefs, Shell};
 use ostra::frames::{Frame, FrameCamera, Image, Orientation, PictureSource};
 use ostra::geometry::{Camera, Pose};
 use ostra::masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
@@ -29,6 +29,7 @@ pub struct Desk {
     pub sparse: Option<Arc<SparseModel>>,
     pub inspected: Option<PathBuf>,
     pub pictures: Pictures,
+    pub layers: Option<Layers>,
     pub hovered: Option<Arc<RunMask>>,
     pub jobs: Vec<JobView>,
     pub engines: Vec<Engine>,
@@ -50,6 +51,7 @@ impl Desk {
             sparse: None,
             inspected: None,
             pictures: Pictures::new(|frame| Ok(Arc::new(picture(frame))), || {}),
+            layers: None,
             hovered: None,
             jobs: Vec::new(),
             engines: engines(),
@@ -80,6 +82,7 @@ impl Desk {
             sparse: self.sparse.as_ref(),
             inspected: self.inspected.as_deref(),
             pictures: Some(&self.pictures),
+            layers: self.layers.as_ref(),
             hovered: self.hovered.as_ref(),
             jobs: &self.jobs,
             engines: &self.engines,

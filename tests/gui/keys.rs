@@ -1,10 +1,12 @@
 //! Keys.
 
 use egui::{Key, Modifiers, PointerButton};
+use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use ostra::app::{Action, Dialog, Shortcuts};
+use ostra::app::{Action, Dialog, Layers, Shortcuts};
 use ostra::masks::{Direction, LabelId};
 use ostra::session::Command;
+use ostra::view::Layer;
 
 use crate::desk::{Desk, click_at, on_screen, press};
 
@@ -167,4 +169,27 @@ fn a_click_after_undo_builds_on_what_the_project_has() {
     click_at(&mut harness, at, PointerButton::Secondary);
     let Some(Command::Prompt(request)) = harness.state().asked.last() else { panic!() };
     assert_eq!(request.prompt.clicks.len(), 1, "the click taken back does not come again");
+}
+
+#[test]
+fn a_key_shows_depth_normals_and_confidence_in_the_photos_place() {
+    let mut desk = Desk::sample();
+    let (told, asked) = std::sync::mpsc::channel();
+    desk.layers = Some(Layers::new(
+        move |key: &(usize, Layer)| {
+            told.send(*key).unwrap();
+            Ok(None)
+        },
+        || {},
+    ));
+    let mut harness = desk.shown();
+    let shown = |harness: &Harness<'_, Desk>| harness.state().shell.view.layer;
+    for layer in [Layer::Depth, Layer::Normals, Layer::Confidence] {
+        press(&mut harness, Modifiers::NONE, Key::F7);
+        assert_eq!(shown(&harness), layer);
+        harness.get_by_role_and_label(egui::Role::ComboBox, "Shown layer");
+        assert_eq!(asked.recv_timeout(std::time::Duration::from_secs(60)).unwrap(), (0, layer), "it is drawn");
+    }
+    press(&mut harness, Modifiers::NONE, Key::F7);
+    assert_eq!(shown(&harness), Layer::Photo);
 }

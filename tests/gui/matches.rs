@@ -68,9 +68,25 @@ fn two_frames_stand_beside_each_other_and_the_other_is_chosen() {
 #[test]
 fn the_panel_hands_out_what_was_chosen() {
     let mut harness = with_sparse().shown();
+    assert!(harness.query_by_label("Only labelled pixels").is_none(), "folded until it is wanted");
+    harness.get_by_label("Details").click();
+    harness.run_steps(3);
     harness.get_by_label("Only labelled pixels").click();
+    harness.get_by_role_and_label(egui::Role::TextInput, "Pairs").focus();
     harness.run_steps(2);
+    harness.get_by_role_and_label(egui::Role::TextInput, "Pairs").type_text("0,2 1");
+    harness.run_steps(3);
+    press(&mut harness, egui::Modifiers::NONE, egui::Key::Escape);
     press(&mut harness, egui::Modifiers::NONE, egui::Key::R);
-    let wish = ReconstructRequest { only_labelled: true, ..ReconstructRequest::default() };
+    assert_eq!(harness.state().asked, [], "no pair is left out in silence");
+    assert!(harness.query_all_by_label_contains("'1' is no pair of frames").count() >= 1);
+    harness.get_by_role_and_label(egui::Role::TextInput, "Pairs").focus();
+    harness.run_steps(2);
+    harness.get_by_role_and_label(egui::Role::TextInput, "Pairs").type_text(",3");
+    harness.run_steps(3);
+    press(&mut harness, egui::Modifiers::NONE, egui::Key::Escape);
+    press(&mut harness, egui::Modifiers::NONE, egui::Key::R);
+    let pairs = vec![[0, 2], [1, 3]];
+    let wish = ReconstructRequest { only_labelled: true, pairs, ..ReconstructRequest::default() };
     assert_eq!(harness.state().asked, [Command::Reconstruct(wish)]);
 }

@@ -265,7 +265,7 @@ fn associations_say_which_depth_belongs_to_which_picture() {
     }
     std::fs::write(root.path().join("associations.txt"), "0.0 rgb/a.png 0.01 depth/b.png\n").unwrap();
     let opened = opened(&request(root.path().join("rgb"), Some(root.path().join("depth"))));
-    assert!(opened.frames[0].depth.as_ref().unwrap().path.ends_with("depth/b.png"));
+    assert!(opened.frames[0].depth.as_ref().unwrap().sensor_path().unwrap().ends_with("depth/b.png"));
     assert!(opened.frames[1].depth.is_none());
 }
 

@@ -41,6 +41,8 @@ mod sfm_learned;
 #[cfg(test)]
 mod shared;
 #[cfg(test)]
+mod stereo;
+#[cfg(test)]
 mod suggestions;
 #[cfg(test)]
 mod thin;

@@ -1,10 +1,12 @@
 //! What structure from motion says where pictures do not do: one reason, no panic, and what was there stays.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
 use image::RgbImage;
 use image::imageops::FilterType;
+use ostra::session::{Command as Request, Event, JobView, ReconstructMethod, ReconstructRequest, Session};
 use tempfile::TempDir;
 
 use super::sfm::{Project, cameras, ostra};
@@ -307,4 +309,37 @@ fn unrelated_pictures_added_to_a_model_change_nothing_of_it() {
     // What fails leaves the model as it was.
     refused(&["reconstruct", &project.root(), "--method", "sfm", "--only-labelled"]);
     assert_eq!(cameras(&project), before);
+}
+
+/// Reconstructs and stops as soon as so many frames are in the map; gives how many have cameras then.
+fn stopped_with(session: &mut Session, enough: usize) -> usize {
+    let request = ReconstructRequest { method: ReconstructMethod::Sfm, ..ReconstructRequest::default() };
+    session.act(Request::Reconstruct(request)).unwrap();
+    let events = session.settle(|jobs| {
+        let is_enough = |job: &JobView| job.report.stage == "map" && job.report.done >= enough;
+        if jobs.iter().any(is_enough) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert!(events.iter().any(|event| matches!(event, Event::Stopped { .. })), "{events:?}");
+    session.project().unwrap().frames.iter().filter(|frame| frame.posed_camera().is_some()).count()
+}
+
+#[test]
+fn a_run_that_is_stopped_keeps_what_it_placed_but_replaces_nothing_larger() {
+    let Some(pictures) = Pictures::new() else { return };
+    pictures.fountain(11);
+    let project = Project::new(pictures.folder(), &[]);
+    let mut session = Session::new();
+    session.act(Request::Open(project.root().into())).unwrap();
+    session.settle(|_| ControlFlow::Continue(()));
+    let kept = stopped_with(&mut session, 4);
+    assert!((4..11).contains(&kept), "{kept}");
+    assert_eq!(stopped_with(&mut session, 0), kept, "stopped before it had as many");
+    session.act(Request::Undo).unwrap();
+    assert!(session.project().unwrap().frames.iter().all(|frame| frame.posed_camera().is_none()));
+    session.act(Request::Redo).unwrap();
+    session.save().unwrap();
+    drop(session);
+    assert_eq!(project.placed(), kept);
+    let said = project.reconstruct(&[]);
+    assert_eq!((project.placed(), left_out(&said)), (11, 0), "{said}");
 }

@@ -4,10 +4,11 @@ use super::hover::follow_pointer;
 use super::input::canvas_input;
 use super::map::CanvasMap;
 use super::{paint, toolbar::toolbar_ui};
+use crate::app::layers::legend;
 use crate::app::textures::Textures;
 use crate::app::{Action, Look, ViewState};
 use crate::session::Command;
-use crate::view::OverlayStyle;
+use crate::view::{Layer, OverlayStyle};
 
 /// The picture of the shown frame with its tool bar.
 pub(in crate::app) fn picture_pane_ui(
@@ -42,9 +43,13 @@ pub(in crate::app) fn picture_pane_ui(
 fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map: &CanvasMap) {
     let painter = ui.painter_at(map.pane);
     painter.rect_filled(map.pane, 0.0, ui.visuals().extreme_bg_color);
-    match look.pictures.and_then(|pictures| pictures.picture(view.frame)) {
-        Some(image) => paint::texture(&painter, map, textures.picture(ui.ctx(), &image).id()),
-        None => placeholder(ui, look, view, map),
+    if view.layer == Layer::Photo {
+        match look.pictures.and_then(|pictures| pictures.picture(view.frame)) {
+            Some(image) => paint::texture(&painter, map, textures.picture(ui.ctx(), &image).id()),
+            None => placeholder(ui, look, view, map),
+        }
+    } else {
+        layer(ui, look, view, textures, map);
     }
     let before = look.before.filter(|_| view.compare).cloned();
     if view.compare {
@@ -68,15 +73,41 @@ fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map
     }
 }
 
+/// Depth or the like in the photo's place, with its legend.
+fn layer(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map: &CanvasMap) {
+    let warn = ui.visuals().error_fg_color;
+    match look.layers.and_then(|layers| layers.get(&(view.frame, view.layer))) {
+        Some(Ok(Some(drawn))) => {
+            paint::texture(&ui.painter_at(map.pane), map, textures.picture(ui.ctx(), &drawn.image).id());
+            if let Some(range) = drawn.range {
+                legend(ui, map, range);
+            }
+        }
+        Some(Ok(None)) => {
+            let text = match view.layer {
+                Layer::Depth => "This frame has no depth; 'Reconstruct' makes it",
+                _ => "Only depth that stereo made has normals and confidences",
+            };
+            say(ui, map, text.into(), ui.visuals().weak_text_color());
+        }
+        Some(Err(why)) => say(ui, map, why, warn),
+        None => say(ui, map, "Loading…".into(), ui.visuals().weak_text_color()),
+    }
+}
+
 /// What stands in the picture's place while it loads, or when it cannot be loaded.
 fn placeholder(ui: &Ui, look: &Look<'_>, view: &ViewState, map: &CanvasMap) {
-    let painter = ui.painter_at(map.pane);
-    painter.rect_filled(map.picture_rect(), 0.0, ui.visuals().faint_bg_color);
     let failure = look.pictures.and_then(|pictures| pictures.failure(view.frame));
     let (text, color) = match failure {
         Some(failure) => (failure, ui.visuals().error_fg_color),
         None => ("Loading…".into(), ui.visuals().weak_text_color()),
     };
+    say(ui, map, text, color);
+}
+
+fn say(ui: &Ui, map: &CanvasMap, text: String, color: egui::Color32) {
+    let painter = ui.painter_at(map.pane);
+    painter.rect_filled(map.picture_rect(), 0.0, ui.visuals().faint_bg_color);
     let galley = painter.layout(text, egui::FontId::proportional(14.0), color, (map.pane.width() - 40.0).max(50.0));
     painter.galley(map.pane.center() - galley.size() / 2.0, galley, color);
 }

@@ -1,6 +1,7 @@
 use egui::{Slider, Ui};
 
 use super::draft::Tool;
+use crate::app::layers::layer_ui;
 use crate::app::menu::is_possible;
 use crate::app::tips::action_button;
 use crate::app::{Action, Look, ViewState};
@@ -20,6 +21,7 @@ pub(super) fn toolbar_ui(
         ui.add_space(8.0);
         zoom_ui(ui, view, zoom_percent, wishes);
         ui.add_space(8.0);
+        layer_ui(ui, view);
         mask_look_ui(ui, view);
     });
 }

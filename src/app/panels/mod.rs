@@ -2,6 +2,7 @@
 
 mod cloud_labels;
 mod filmstrip;
+mod finding;
 mod fuse;
 mod heat;
 mod jobs;
@@ -24,6 +25,7 @@ mod welcome;
 
 pub(super) use cloud_labels::{PointCounts, cloud_labels_ui};
 pub(super) use filmstrip::filmstrip_ui;
+pub(super) use finding::pairs_in;
 pub(super) use fuse::fuse_ui;
 pub(super) use heat::{HEAT_HEIGHT, heat_ui};
 pub(super) use jobs::jobs_ui;

@@ -1,10 +1,10 @@
 use egui::{DragValue, Ui};
 
+use super::finding::finding_ui;
 use super::jobs::{progress_text, run_button_ui};
-use super::segmenter::engine_choice_ui;
 use crate::app::tips::{action_button, field};
 use crate::app::{Action, Look, ViewState};
-use crate::session::{EngineKind, ReconstructMethod};
+use crate::session::ReconstructMethod;
 
 const METHODS: [(ReconstructMethod, &str, &str); 4] = [
     (ReconstructMethod::Auto, "Automatic", "What the frames allow: given poses and depths are kept"),
@@ -26,19 +26,9 @@ pub(in crate::app) fn reconstruct_ui(ui: &mut Ui, look: &Look<'_>, view: &mut Vi
             ui.add(DragValue::new(&mut view.reconstruct.every).range(1..=1000).speed(0.1));
         });
         field(ui, "Device", "What computes", |ui| device_ui(ui, &mut view.reconstruct.device));
-        let request = &mut view.reconstruct;
-        let what = "What is recognised again in other pictures";
-        field(ui, "Features", what, |ui| {
-            engine_choice_ui(ui, "features", look.engines_of(EngineKind::Features), &mut request.features);
-        });
-        let what = "How it is recognised again";
-        field(ui, "Matching", what, |ui| {
-            engine_choice_ui(ui, "matcher", look.engines_of(EngineKind::Matcher), &mut request.matcher);
-        });
     });
-    let only = "Only labelled pixels";
-    ui.checkbox(&mut view.reconstruct.only_labelled, only)
-        .on_hover_text("Leaves out what has no label: a background that moves, behind a turntable");
+    let more = egui::CollapsingHeader::new("Details").id_salt("details of reconstruct");
+    more.show_unindented(ui, |ui| finding_ui(ui, look, view));
     ui.horizontal(|ui| {
         run_button_ui(ui, look, view, (Action::Reconstruct, "Reconstruct"), look.has_frames(), wishes);
         if let Some(job) = look.running("Reconstruct") {

@@ -20,7 +20,7 @@ pub(super) fn engine_choice_ui<'a>(
     engines: impl Iterator<Item = &'a Engine>,
     chosen: &mut String,
 ) {
-    let text = if chosen == "auto" { "automatic" } else { chosen.as_str() }.to_owned();
+    let text = if chosen == "auto" { "Automatic" } else { chosen.as_str() }.to_owned();
     egui::ComboBox::from_id_salt(salt).selected_text(text).width(150.0).show_ui(ui, |ui| {
         for engine in engines {
             if engine_row_ui(ui, engine, chosen == engine.name) {
@@ -32,7 +32,7 @@ pub(super) fn engine_choice_ui<'a>(
 
 fn engine_row_ui(ui: &mut Ui, engine: &Engine, selected: bool) -> bool {
     let text = match (engine.name, engine.installed) {
-        ("auto", _) => "automatic".into(),
+        ("auto", _) => "Automatic".into(),
         (name, true) => name.to_owned(),
         (name, false) => format!("{name} (not installed)"),
     };

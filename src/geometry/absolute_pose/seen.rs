@@ -1,10 +1,9 @@
 use glam::{DMat2, DMat3, DVec2, DVec3};
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Arch;
 
 use super::slope::pixel_slope;
+use crate::geometry::ransac::{Cutoff, LANES, within};
 use crate::geometry::{Camera, Pose};
-
-pub(super) const LANES: usize = 8;
 
 /// A known point and where the camera sees it.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +39,7 @@ struct Block {
 /// Points as a kernel reads them.
 pub(super) struct Blocks {
     blocks: Vec<Block>,
-    empty: usize,
+    count: usize,
     limit: f64,
     arch: Arch,
 }
@@ -56,62 +55,27 @@ impl Blocks {
             let slope = one.slope.to_cols_array();
             (0..4).for_each(|i| block.slope[i][lane] = slope[i]);
         }
-        let empty = blocks.len() * LANES - seen.len();
-        Self { blocks, empty, limit: max_error_px * max_error_px, arch: Arch::new() }
+        Self { blocks, count: seen.len(), limit: max_error_px * max_error_px, arch: Arch::new() }
     }
 
     /// Sum of squared errors cut off at the limit; stops early above `enough`.
     pub fn cost(&self, pose: &Pose, enough: f64) -> f64 {
         let (rotation, translation) = (DMat3::from_quat(pose.rotation), pose.translation);
-        self.arch.dispatch(Cost { blocks: self, rotation, translation, enough })
+        self.arch.dispatch(Cutoff::new(
+            &self.blocks,
+            self.count,
+            [self.limit, enough],
+            #[inline(always)]
+            |block| errors(&rotation, translation, block),
+        ))
     }
 
     /// Places whose squared error is below the limit, ascending.
     pub fn within(&self, pose: &Pose) -> Vec<u32> {
         let rotation = DMat3::from_quat(pose.rotation);
-        let mut places = Vec::new();
-        for (at, block) in self.blocks.iter().enumerate() {
-            let errors = errors(&rotation, pose.translation, block);
-            places.extend((0..LANES).filter(|&lane| errors[lane] < self.limit).map(|lane| (at * LANES + lane) as u32));
-        }
-        places
+        within(&self.blocks, self.limit, |block| errors(&rotation, pose.translation, block))
     }
 }
-
-struct Cost<'a> {
-    blocks: &'a Blocks,
-    rotation: DMat3,
-    translation: DVec3,
-    enough: f64,
-}
-
-impl WithSimd for Cost<'_> {
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> f64 {
-        let Blocks { blocks, empty, limit, .. } = self.blocks;
-        let mut total = -limit * *empty as f64;
-        for chunk in blocks.chunks(BLOCKS_BETWEEN_CHECKS) {
-            let mut sums = [0.0; LANES];
-            for block in chunk {
-                let errors = errors(&self.rotation, self.translation, block);
-                for lane in 0..LANES {
-                    // NaN compares false and costs the limit.
-                    sums[lane] += if errors[lane] < *limit { errors[lane] } else { *limit };
-                }
-            }
-            total += sums.iter().sum::<f64>();
-            if total > self.enough {
-                break;
-            }
-        }
-        total
-    }
-}
-
-/// How many blocks are summed between two looks at the sum.
-const BLOCKS_BETWEEN_CHECKS: usize = 8;
 
 /// Squared reprojection errors in pixels, the lens taken to first order around where each point is seen; infinite behind
 /// the camera.

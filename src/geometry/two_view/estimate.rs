@@ -2,7 +2,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::in_front::motion_in_front;
 use super::matched::Matched;
-use super::models::{Essential, Fundamental, Homography, Rotation};
+use super::models::{Agreement, Essential, Fundamental, Homography, Rotation};
 use super::options::{TwoView, TwoViewKind, TwoViewOptions};
 use super::refine::refine_fundamental;
 use crate::geometry::Camera;
@@ -57,7 +57,7 @@ fn is_turn(homography: &DMat3, matched: &Matched) -> bool {
         let turn = back * *homography * scaled;
         let turn = turn * turn.determinant().signum() / turn.determinant().abs().cbrt().max(f64::MIN_POSITIVE);
         let turned = scaled * nearest_rotation(turn) * back;
-        Homography(matched).inliers(&turned).len() as f64 > enough
+        Agreement(matched, Homography).inliers(&turned).len() as f64 > enough
     })
 }
 
@@ -69,14 +69,14 @@ struct Search<'a> {
 
 impl Search<'_> {
     fn calibrated(&self) -> Option<TwoView> {
-        let Some(essential) = self.seek(&Essential(self.matched), VAIN, self.chance_of_band()) else {
-            return Some(self.panoramic(&self.seek_simple(&Rotation(self.matched))?.inliers));
+        let Some(essential) = self.seek(&Agreement(self.matched, Essential), VAIN, self.chance_of_band()) else {
+            return Some(self.panoramic(&self.seek_simple(&Agreement(self.matched, Rotation))?.inliers));
         };
         let inside = self.matched.chosen(&essential.inliers);
-        if let Some(turn) = self.most(&Rotation(&inside)) {
-            return Some(self.panoramic(&Rotation(self.matched).inliers(&turn)));
+        if let Some(turn) = self.most(&Agreement(&inside, Rotation)) {
+            return Some(self.panoramic(&Agreement(self.matched, Rotation).inliers(&turn)));
         }
-        let kind = if self.most(&Homography(&inside)).is_some() {
+        let kind = if self.most(&Agreement(&inside, Homography)).is_some() {
             TwoViewKind::Planar
         } else if CALIBRATED_SHARE * self.freed(essential.model) > inside.pairs.len() as f64 {
             return self.uncalibrated();
@@ -87,13 +87,14 @@ impl Search<'_> {
     }
 
     fn uncalibrated(&self) -> Option<TwoView> {
-        let any = self.seek(&Fundamental(self.matched), VAIN, self.chance_of_band());
+        let any = self.seek(&Agreement(self.matched, Fundamental), VAIN, self.chance_of_band());
         let plane = match &any {
             // What explains most inliers of the one is found among them.
-            Some(any) => self.among(&Homography(&self.matched.chosen(&any.inliers))),
-            None => self.seek_simple(&Homography(self.matched)),
+            Some(any) => self.among(&Agreement(&self.matched.chosen(&any.inliers), Homography)),
+            None => self.seek_simple(&Agreement(self.matched, Homography)),
         };
-        let on_plane = plane.as_ref().map_or_else(Vec::new, |plane| Homography(self.matched).inliers(&plane.model));
+        let on_plane =
+            plane.as_ref().map_or_else(Vec::new, |plane| Agreement(self.matched, Homography).inliers(&plane.model));
         let flat = on_plane.len() as f64 > SIMPLE_SHARE * any.as_ref().map_or(0.0, |any| any.inliers.len() as f64);
         let agreed = match &any {
             Some(any) if any.inliers.len() >= on_plane.len() => &any.inliers,
@@ -106,7 +107,7 @@ impl Search<'_> {
         if flat && plane.is_some_and(|plane| is_turn(&plane.model, &inside)) {
             return Some(self.panoramic(agreed));
         }
-        let essential = self.among(&Essential(&inside)).map(|found| found.model);
+        let essential = self.among(&Agreement(&inside, Essential)).map(|found| found.model);
         let (kind, fundamental) = match &any {
             Some(any) if !flat => (TwoViewKind::Uncalibrated, Some(any.model)),
             _ => (TwoViewKind::Planar, essential),
@@ -144,7 +145,7 @@ impl Search<'_> {
     fn freed(&self, essential: DMat3) -> f64 {
         let wide = refine_fundamental(self.matched, essential, WIDE);
         let near = wide.and_then(|wide| refine_fundamental(self.matched, wide, 1.0));
-        near.map_or(0.0, |f| Fundamental(self.matched).inliers(&f).len() as f64 - 2.0)
+        near.map_or(0.0, |f| Agreement(self.matched, Fundamental).inliers(&f).len() as f64 - 2.0)
     }
 
     fn ransac(&self, max_vain: usize, min_inliers: usize) -> RansacOptions {

@@ -1,12 +1,10 @@
 use glam::{DMat3, DVec2};
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Arch;
 
 use super::support::by_support;
 use crate::geometry::Camera;
 use crate::geometry::absolute_pose::pixel_slope;
-
-/// Matches that are looked at side by side.
-pub(super) const LANES: usize = 8;
+use crate::geometry::ransac::{Cutoff, LANES, within};
 
 /// Eight matches side by side: rays in both cameras, and the square of what a pixel is worth on the plane z = 1 there.
 /// Places without a match hold NaN, which no model explains.
@@ -81,58 +79,18 @@ impl Matched {
     }
 
     /// Sum of squared errors cut off at the limit; stops early above `enough`.
-    pub fn cost(&self, enough: f64, error: impl Fn(&Block) -> [f64; LANES]) -> f64 {
-        self.arch.dispatch(Cost { matched: self, enough, error })
+    pub fn cost(&self, enough: f64, errors: impl Fn(&Block) -> [f64; LANES]) -> f64 {
+        self.arch.dispatch(Cutoff::new(&self.blocks, self.pairs.len(), [self.limit, enough], errors))
     }
 
     /// Places whose squared error is below the limit, ascending.
-    pub fn within(&self, error: impl Fn(&Block) -> [f64; LANES]) -> Vec<u32> {
-        let mut places = Vec::with_capacity(self.pairs.len());
-        for (at, block) in self.blocks.iter().enumerate() {
-            let errors = error(block);
-            places.extend((0..LANES).filter(|&lane| errors[lane] < self.limit).map(|lane| (at * LANES + lane) as u32));
-        }
-        places
-    }
-}
-
-struct Cost<'a, F> {
-    matched: &'a Matched,
-    enough: f64,
-    error: F,
-}
-
-impl<F: Fn(&Block) -> [f64; LANES]> WithSimd for Cost<'_, F> {
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> f64 {
-        let Matched { blocks, pairs, limit, .. } = self.matched;
-        // The empty places of the last block cost the limit each.
-        let mut total = -limit * (blocks.len() * LANES - pairs.len()) as f64;
-        for chunk in blocks.chunks(BLOCKS_BETWEEN_CHECKS) {
-            let mut sums = [0.0; LANES];
-            for block in chunk {
-                let errors = (self.error)(block);
-                for lane in 0..LANES {
-                    // NaN compares false and costs the limit.
-                    sums[lane] += if errors[lane] < *limit { errors[lane] } else { *limit };
-                }
-            }
-            total += sums.iter().sum::<f64>();
-            if total > self.enough {
-                break;
-            }
-        }
-        total
+    pub fn within(&self, errors: impl Fn(&Block) -> [f64; LANES]) -> Vec<u32> {
+        within(&self.blocks, self.limit, errors)
     }
 }
 
 /// Rays, squares of a pixel, place in the caller's list.
 type Row = ([DVec2; 2], [f64; 2], u32);
-
-/// How many blocks are summed between two looks at the sum.
-const BLOCKS_BETWEEN_CHECKS: usize = 8;
 
 /// What a square pixel is worth on the plane z = 1; NaN where the lens covers nothing.
 fn square_of_pixel(camera: &Camera, ray: DVec2) -> f64 {

@@ -1,19 +1,69 @@
 use glam::{DMat3, DVec2};
 use nalgebra::Matrix3;
 
-use super::matched::{Matched, epipolar_errors, transfer_errors};
+use super::matched::{Block, Matched, epipolar_errors, transfer_errors};
 use super::refine::{refine_essential, refine_fundamental};
-use crate::geometry::ransac::Estimator;
+use crate::geometry::ransac::{Estimator, LANES};
 use crate::geometry::solvers::{five_point, homography, homography4, seven_point};
 
+/// What a matrix between rays says of the matches.
+pub(super) trait Relation {
+    /// Matches that fix a matrix.
+    const SAMPLE: usize;
+
+    /// Appends all matrices that satisfy the matches at the places of a sample.
+    fn fit(matched: &Matched, sample: &[usize], found: &mut Vec<DMat3>);
+    /// Squared errors in pixels.
+    fn errors(m: &DMat3, block: &Block) -> [f64; LANES];
+    /// A matrix near `start` that fits better what agrees with it.
+    fn refine(matched: &Matched, start: &DMat3) -> Option<DMat3>;
+}
+
 /// `x2ᵀ E x1 = 0` with an essential matrix.
-pub(super) struct Essential<'a>(pub &'a Matched);
+pub(super) struct Essential;
 /// `x2ᵀ F x1 = 0` with any singular matrix.
-pub(super) struct Fundamental<'a>(pub &'a Matched);
+pub(super) struct Fundamental;
 /// `x2 ~ H x1`.
-pub(super) struct Homography<'a>(pub &'a Matched);
+pub(super) struct Homography;
 /// `x2 ~ R x1` with a rotation.
-pub(super) struct Rotation<'a>(pub &'a Matched);
+pub(super) struct Rotation;
+
+/// The search for a matrix of a kind that many matches agree with.
+pub(super) struct Agreement<'a, R>(pub &'a Matched, pub R);
+
+impl<R: Relation> Estimator for Agreement<'_, R> {
+    type Model = DMat3;
+    const SAMPLE: usize = R::SAMPLE;
+
+    fn count(&self) -> usize {
+        self.0.pairs.len()
+    }
+
+    fn fit(&self, sample: &[usize], found: &mut Vec<DMat3>) {
+        R::fit(self.0, sample, found);
+    }
+
+    fn cost(&self, model: &DMat3, enough: f64) -> f64 {
+        self.0.cost(
+            enough,
+            #[inline(always)]
+            |block| R::errors(model, block),
+        )
+    }
+
+    fn inliers(&self, model: &DMat3) -> Vec<u32> {
+        agreeing::<R>(self.0, model)
+    }
+
+    fn refine(&self, model: &DMat3) -> Option<DMat3> {
+        R::refine(self.0, model)
+    }
+}
+
+/// Places of the matches that agree with a matrix.
+fn agreeing<R: Relation>(matched: &Matched, m: &DMat3) -> Vec<u32> {
+    matched.within(|block| R::errors(m, block))
+}
 
 fn sample_of<const N: usize>(matched: &Matched, sample: &[usize]) -> [[DVec2; 2]; N] {
     std::array::from_fn(|i| matched.pairs[sample[i]])
@@ -31,107 +81,66 @@ fn in_front(m: &DMat3, pairs: &[[DVec2; 2]]) -> bool {
     pairs[1..].iter().all(|pair| same_way(pair) == first)
 }
 
-impl Estimator for Essential<'_> {
-    type Model = DMat3;
+impl Relation for Essential {
     const SAMPLE: usize = 5;
 
-    fn count(&self) -> usize {
-        self.0.pairs.len()
-    }
-
-    fn fit(&self, sample: &[usize], found: &mut Vec<DMat3>) {
-        let pairs = sample_of(self.0, sample);
+    fn fit(matched: &Matched, sample: &[usize], found: &mut Vec<DMat3>) {
+        let pairs = sample_of(matched, sample);
         found.extend(five_point(&pairs).into_iter().filter(|e| in_front(e, &pairs)));
     }
 
-    fn cost(&self, model: &DMat3, enough: f64) -> f64 {
-        self.0.cost(
-            enough,
-            #[inline(always)]
-            |block| epipolar_errors(model, block),
-        )
+    #[inline(always)]
+    fn errors(m: &DMat3, block: &Block) -> [f64; LANES] {
+        epipolar_errors(m, block)
     }
 
-    fn inliers(&self, model: &DMat3) -> Vec<u32> {
-        self.0.within(|block| epipolar_errors(model, block))
-    }
-
-    fn refine(&self, model: &DMat3) -> Option<DMat3> {
-        refine_essential(self.0, *model)
+    fn refine(matched: &Matched, start: &DMat3) -> Option<DMat3> {
+        refine_essential(matched, *start)
     }
 }
 
-impl Estimator for Fundamental<'_> {
-    type Model = DMat3;
+impl Relation for Fundamental {
     const SAMPLE: usize = 7;
 
-    fn count(&self) -> usize {
-        self.0.pairs.len()
-    }
-
-    fn fit(&self, sample: &[usize], found: &mut Vec<DMat3>) {
-        let pairs = sample_of(self.0, sample);
+    fn fit(matched: &Matched, sample: &[usize], found: &mut Vec<DMat3>) {
+        let pairs = sample_of(matched, sample);
         found.extend(seven_point(&pairs).into_iter().filter(|f| in_front(f, &pairs)));
     }
 
-    fn cost(&self, model: &DMat3, enough: f64) -> f64 {
-        self.0.cost(
-            enough,
-            #[inline(always)]
-            |block| epipolar_errors(model, block),
-        )
+    #[inline(always)]
+    fn errors(m: &DMat3, block: &Block) -> [f64; LANES] {
+        epipolar_errors(m, block)
     }
 
-    fn inliers(&self, model: &DMat3) -> Vec<u32> {
-        self.0.within(|block| epipolar_errors(model, block))
-    }
-
-    fn refine(&self, model: &DMat3) -> Option<DMat3> {
-        refine_fundamental(self.0, *model, 1.0)
+    fn refine(matched: &Matched, start: &DMat3) -> Option<DMat3> {
+        refine_fundamental(matched, *start, 1.0)
     }
 }
 
-impl Estimator for Homography<'_> {
-    type Model = DMat3;
+impl Relation for Homography {
     const SAMPLE: usize = 4;
 
-    fn count(&self) -> usize {
-        self.0.pairs.len()
+    fn fit(matched: &Matched, sample: &[usize], found: &mut Vec<DMat3>) {
+        found.extend(homography4(&sample_of(matched, sample)));
     }
 
-    fn fit(&self, sample: &[usize], found: &mut Vec<DMat3>) {
-        found.extend(homography4(&sample_of(self.0, sample)));
+    #[inline(always)]
+    fn errors(m: &DMat3, block: &Block) -> [f64; LANES] {
+        transfer_errors(m, block)
     }
 
-    fn cost(&self, model: &DMat3, enough: f64) -> f64 {
-        self.0.cost(
-            enough,
-            #[inline(always)]
-            |block| transfer_errors(model, block),
-        )
-    }
-
-    fn inliers(&self, model: &DMat3) -> Vec<u32> {
-        self.0.within(|block| transfer_errors(model, block))
-    }
-
-    fn refine(&self, model: &DMat3) -> Option<DMat3> {
-        let chosen = self.inliers(model);
-        let pairs: Vec<[DVec2; 2]> = chosen.iter().map(|&place| self.0.pairs[place as usize]).collect();
+    fn refine(matched: &Matched, start: &DMat3) -> Option<DMat3> {
+        let chosen = agreeing::<Self>(matched, start);
+        let pairs: Vec<[DVec2; 2]> = chosen.iter().map(|&place| matched.pairs[place as usize]).collect();
         homography(&pairs, &vec![1.0; pairs.len()])
     }
 }
 
-impl Estimator for Rotation<'_> {
-    type Model = DMat3;
+impl Relation for Rotation {
     const SAMPLE: usize = 2;
 
-    fn count(&self) -> usize {
-        self.0.pairs.len()
-    }
-
-    fn fit(&self, sample: &[usize], found: &mut Vec<DMat3>) {
-        let [[a1, a2], [b1, b2]] = sample_of(self.0, sample);
+    fn fit(matched: &Matched, sample: &[usize], found: &mut Vec<DMat3>) {
+        let [[a1, a2], [b1, b2]] = sample_of(matched, sample);
         let frame = |a: DVec2, b: DVec2| {
             let (a, b) = (a.extend(1.0).normalize(), b.extend(1.0).normalize());
             let across = a.cross(b).try_normalize()?;
@@ -141,23 +150,16 @@ impl Estimator for Rotation<'_> {
         found.extend(frame(a1, b1).zip(frame(a2, b2)).map(|(from, to)| to * from.transpose()));
     }
 
-    fn cost(&self, model: &DMat3, enough: f64) -> f64 {
-        self.0.cost(
-            enough,
-            #[inline(always)]
-            |block| transfer_errors(model, block),
-        )
+    #[inline(always)]
+    fn errors(m: &DMat3, block: &Block) -> [f64; LANES] {
+        transfer_errors(m, block)
     }
 
-    fn inliers(&self, model: &DMat3) -> Vec<u32> {
-        self.0.within(|block| transfer_errors(model, block))
-    }
-
-    fn refine(&self, model: &DMat3) -> Option<DMat3> {
+    fn refine(matched: &Matched, start: &DMat3) -> Option<DMat3> {
         // W. Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta Cryst. A 1976.
         let mut covariance = DMat3::ZERO;
-        for place in self.inliers(model) {
-            let [a, b] = self.0.pairs[place as usize].map(|ray| ray.extend(1.0).normalize());
+        for place in agreeing::<Self>(matched, start) {
+            let [a, b] = matched.pairs[place as usize].map(|ray| ray.extend(1.0).normalize());
             covariance += DMat3::from_cols(b * a.x, b * a.y, b * a.z);
         }
         let svd = Matrix3::from_column_slice(&covariance.to_cols_array()).svd(true, true);

@@ -2,9 +2,10 @@ use glam::{DMat3, DQuat, DVec3};
 use nalgebra::Matrix3;
 use pulp::{Simd, WithSimd};
 
-use super::matched::{Block, LANES, Matched};
+use super::matched::{Block, Matched};
 use crate::geometry::Pose;
 use crate::geometry::epipolar::{cross_matrix, essential_from_pose, poses_from_essential};
+use crate::geometry::ransac::LANES;
 use crate::geometry::solvers::{Linearised, Problem, minimise};
 
 /// Levenberg–Marquardt steps of one refinement.

@@ -17,6 +17,7 @@ mod pairs;
 mod relabel;
 mod report;
 mod run;
+mod seen;
 mod source;
 mod splat;
 #[cfg(test)]
@@ -30,11 +31,12 @@ mod votes_file;
 mod voxel_size;
 
 pub use majority::{Majority, Verdict};
-pub use onto::{OntoOptions, vote_onto};
+pub use onto::{OntoOptions, vote_onto, vote_seen};
 pub use options::FuseOptions;
 pub use relabel::{ChangedMask, relabel};
 pub use report::{Dropped, FuseReport};
 pub use run::{Fused, fuse};
+pub use seen::{SeenPoint, SeenPoints};
 pub use source::{ProjectViews, Views};
 pub use votes::{Voter, Votes};
 pub use votes_file::{read_votes, write_votes};

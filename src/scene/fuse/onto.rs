@@ -3,6 +3,7 @@ use serde::{Deserialize, Serialize};
 use super::relabel::labelled;
 use super::report::{FuseReport, naming};
 use super::run::{Fused, finish};
+use super::seen::SeenPoints;
 use super::source::Views;
 use super::tolerance::measured_tolerance;
 use super::visible::Tolerance;
@@ -42,14 +43,34 @@ impl Default for OntoOptions {
     }
 }
 
-/// Labels the points of a cloud by the masks of all frames that see them. A frame's depth says what it sees; where it
-/// has none the cloud itself does, drawn into the frame as discs.
+/// Labels the points of a given cloud by the masks of all frames that see them. A frame's depth says what it sees; where
+/// it has none the cloud itself does, drawn into the frame as discs.
 ///
 /// # Errors
-/// [`SceneError::Request`] for an empty cloud, no frame with both mask and camera, a mask or depth of another size than
-/// its frame; what reading a frame says; [`SceneError::Stopped`].
+/// As [`vote_seen`], and [`SceneError::Request`] where no frame has both a mask and a camera.
 pub fn vote_onto(
     cloud: &LabelledCloud,
+    views: &dyn Views,
+    tree: &LabelTree,
+    options: &OntoOptions,
+    progress: &Progress,
+) -> Result<Fused, SceneError> {
+    let fused = vote_seen(cloud, &SeenPoints::new(), views, tree, options, progress)?;
+    if fused.report.frames_voted == 0 {
+        return Err(SceneError::Request("no frame has both a mask and a camera with a pose; add masks first".into()));
+    }
+    Ok(fused)
+}
+
+/// Labels points where it is known which frames see them: a frame in `seen` votes in the very pixels that are named there
+/// and nowhere else, all others as in [`vote_onto`].
+///
+/// # Errors
+/// [`SceneError::Request`] for an empty cloud, a mask or depth of another size than its frame; what reading a frame says;
+/// [`SceneError::Stopped`].
+pub fn vote_seen(
+    cloud: &LabelledCloud,
+    seen: &SeenPoints,
     views: &dyn Views,
     tree: &LabelTree,
     options: &OntoOptions,
@@ -62,7 +83,8 @@ pub fn vote_onto(
     report.warnings.extend(naming("have no camera and are left out", &no_camera));
     let spacing = spacing(&cloud.positions)
         .ok_or_else(|| SceneError::Request("the cloud has too few points to label; give another".into()))?;
-    let with_depth: Vec<usize> = (0..views.frames().len()).filter(|&index| views.has_depth(index)).collect();
+    let by_depth = |&index: &usize| views.has_depth(index) && !seen.contains_key(&index);
+    let with_depth: Vec<usize> = (0..views.frames().len()).filter(by_depth).collect();
     report.depth_tolerance = match options.depth_tolerance {
         Some(share) => f64::from(share),
         None => measured_tolerance(&cloud.positions, views, &with_depth, 2.0 * spacing)?,
@@ -73,10 +95,7 @@ pub fn vote_onto(
         min_confidence: options.min_confidence,
         pair_budget_bytes: options.pair_budget_bytes,
     };
-    let voted = vote(&cloud.positions, views, &vote_options, progress)?;
-    report.frames_voted = voted.frames;
-    if voted.frames == 0 {
-        return Err(SceneError::Request("no frame has both a mask and a camera with a pose; add masks first".into()));
-    }
+    let voted = vote(&cloud.positions, seen, views, &vote_options, progress)?;
+    (report.frames_fused, report.frames_voted) = (seen.len(), voted.frames);
     Ok(finish(labelled(cloud, &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
 }

@@ -8,6 +8,7 @@ use super::lift::{Lift, LiftCount, Rays};
 use super::options::FuseOptions;
 use super::relabel::labelled;
 use super::report::{FuseReport, naming};
+use super::seen::SeenPoints;
 use super::source::{Views, check_size};
 use super::tolerance::measured_tolerance;
 use super::view::View;
@@ -64,7 +65,7 @@ pub fn fuse(
         min_confidence: options.min_confidence,
         pair_budget_bytes: options.pair_budget_bytes,
     };
-    let voted = vote(&points.positions, views, &vote_options, progress)?;
+    let voted = vote(&points.positions, &SeenPoints::new(), views, &vote_options, progress)?;
     report.frames_voted = voted.frames;
     let mut cloud = LabelledCloud::from_positions(points.positions);
     (cloud.normals, cloud.colors) = (points.normals, points.colors);

@@ -279,6 +279,32 @@ fn a_cloud_without_depth_hides_itself() {
 }
 
 #[test]
+fn a_frame_votes_in_the_pixels_that_are_known_to_see_a_point_and_nowhere_else() {
+    let mut scene = Scene::new(3);
+    let cloud = scene.fused(&FuseOptions { voxel: Some(0.02), ..FuseOptions::default() }).cloud;
+    scene.masks.iter_mut().skip(1).for_each(|mask| *mask = None);
+    let ball = |seen: &SeenPoint| scene.masks[0].as_ref().unwrap().at(seen.x, seen.y) == BALL;
+    // Every 50th point, each in a pixel of its own, over more than one chunk of points.
+    let pixel =
+        |point: usize| SeenPoint { point: point as u32, x: point as u32 % WIDTH, y: point as u32 / 50 % HEIGHT };
+    let known: Vec<SeenPoint> = (0..cloud.len()).step_by(50).map(pixel).collect();
+    assert!(cloud.len() > super::pairs::CHUNK && known.iter().any(ball) && !known.iter().all(ball));
+    let seen = SeenPoints::from([(0, known.clone())]);
+    let fused = vote_seen(&cloud, &seen, &scene, &tree(), &OntoOptions::default(), &Progress::default()).unwrap();
+    for (point, label) in fused.cloud.labels.iter().enumerate() {
+        let expected = match known.iter().find(|seen| seen.point as usize == point) {
+            Some(seen) if ball(seen) => BALL,
+            Some(_) => WALL,
+            None => LabelId::NONE,
+        };
+        assert_eq!(*label, expected, "point {point}");
+    }
+    let voter = fused.votes.voters(50)[0];
+    assert_eq!((voter.frame, voter.x, voter.y), (0, known[1].x, known[1].y));
+    assert_eq!((fused.report.frames_fused, fused.report.frames_voted), (1, 1));
+}
+
+#[test]
 fn frames_that_cannot_help_are_named_and_wrong_ones_refused() {
     let mut scene = Scene::new(4);
     scene.frames[1].camera = None;

@@ -3,6 +3,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::frusta::inside_frusta;
+use super::in_depth::depth_differences;
 use super::labels::{LabelScore, score_labels};
 use super::pairing::pair_labels;
 use super::surface::{SurfaceScore, score_surface};
@@ -67,6 +68,7 @@ pub fn score_cloud(
         Neighbours::new(&result.positions).zip(Neighbours::new(&truth.all)).ok_or_else(empty)?;
     let to_result = distances(&truth.cloud.positions, &in_result, progress)?;
     let to_truth = distances(&result.positions, &in_truth, progress)?;
+    let in_depth = depth_differences(&truth.all, &result.positions, &options.cameras, progress)?;
     let first = options.within.first().copied().unwrap_or(f64::INFINITY);
     let paired = pair_labels(&truth.cloud.tree, &result.tree);
     let taken = to_result.iter().map(|&(index, distance)| match f64::from(distance) <= first {
@@ -81,7 +83,7 @@ pub fn score_cloud(
         result_points: result.len(),
         labels: score_labels(&truth.cloud, taken, &result.tree, &paired),
         median_distance: median(to_result.iter().map(|&(_, distance)| distance)),
-        surface: options.within.iter().map(|&within| score_surface(within, &to_result, &to_truth)).collect(),
+        surface: options.within.iter().map(|&at| score_surface(at, &to_result, &to_truth, &in_depth)).collect(),
     })
 }
 

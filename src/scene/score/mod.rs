@@ -4,6 +4,7 @@
 
 mod cloud;
 mod frusta;
+mod in_depth;
 mod labels;
 mod pairing;
 mod surface;

@@ -55,10 +55,11 @@ pub fn cloud_table(score: &CloudScore) -> String {
     let mut text = format!("{}\n{}", labels.text(), shares.text());
     if !score.surface.is_empty() {
         let mut surface = Table::default();
-        surface.row(["within", "completeness", "accuracy", "F"]);
+        surface.row(["within", "completeness", "accuracy", "F", "in depth"]);
         for at in &score.surface {
             let shares = [at.completeness, at.accuracy, at.f_score].map(|share| format!("{share:.4}"));
-            surface.row(std::iter::once(at.within.to_string()).chain(shares));
+            let in_depth = at.in_depth.map_or("–".into(), |share| format!("{share:.4}"));
+            surface.row(std::iter::once(at.within.to_string()).chain(shares).chain([in_depth]));
         }
         text = format!("{text}\n{}", surface.text());
     }

@@ -124,7 +124,7 @@ fn the_table_reads() {
     let text = cloud_table(&score(&truth, &cloud(&[(0.0, 1)], NAMES), &within(&[0.5])));
     let expected = "label     IoU  points\nstem   1.0000       1\nleaf   0.0000       1\nmean   0.5000       2\n\n\
                     accuracy           0.5000\nmatched            0.5000\nmedian distance  1.000000\n\n\
-                    within  completeness  accuracy       F\n0.5           0.5000    1.0000  0.6667\n\n\
+                    within  completeness  accuracy       F  in depth\n0.5           0.5000    1.0000  0.6667         –\n\n\
                     truth \\ result  -  stem\nstem            0     1\nleaf            1     0\n";
     assert_eq!(text, expected);
 }

@@ -52,10 +52,12 @@ pub enum Outcome {
         /// Images in it.
         images: usize,
     },
+    /// The run was stopped before it was tried.
+    NotReached,
 }
 
 /// Features below which a picture has too little to recognise.
-const FEW_FEATURES: usize = 50;
+pub(super) const FEW_FEATURES: usize = 50;
 
 impl Outcome {
     /// What became of it, in words; `name` tells the name of another frame.
@@ -93,6 +95,7 @@ impl Outcome {
                 "lies in model {model} of {images} images, which nothing joins with the one kept; take pictures \
                  that show both parts"
             ),
+            Self::NotReached => "the run was stopped before it was tried; reconstruct again".into(),
         }
     }
 }
@@ -143,6 +146,7 @@ fn left_out(
         Some(refusal) if refusal.seen >= options.pose_inliers => {
             Outcome::NoPose { seen: refusal.seen, agreeing: refusal.agreeing }
         }
+        _ if models.first().is_some_and(|mapped| mapped.stopped) => Outcome::NotReached,
         refusal => Outcome::FewPoints {
             seen: refusal.map_or(0, |refusal| refusal.seen),
             needed: options.pose_inliers,

@@ -1,5 +1,6 @@
 use glam::DVec2;
 
+use super::tilted::{Tilt, tilted_features};
 use super::{Descriptors, FeatureExtractor, Features, SfmError};
 use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore, Image};
@@ -58,8 +59,33 @@ pub fn of_picture(
         Err(error) => return Ok(none(frame, error.to_string())),
     };
     let features = extractor.extract(&grey(&image), image.width as usize, image.height as usize, allowed)?;
-    let colors = features.keypoints.iter().map(|&at_px| color_at(&image, at_px)).collect();
-    Ok(PictureFeatures { features, colors, unreadable: None })
+    Ok(coloured(features, &image))
+}
+
+/// Features of one frame's picture as it looks under many tilts, at their places in the picture; nothing where that
+/// cannot be read.
+///
+/// # Errors
+/// As [`extract`].
+pub fn tilted_picture(
+    frame: &Frame,
+    store: &FrameStore,
+    extractor: &dyn FeatureExtractor,
+    allowed: Option<&[bool]>,
+    progress: &Progress,
+) -> Result<Vec<PictureFeatures>, SfmError> {
+    let Ok(image) = store.image(frame) else { return Ok(Vec::new()) };
+    let (grey, size) = (grey(&image), [image.width as usize, image.height as usize]);
+    let under = |tilt: Tilt| {
+        progress.check()?;
+        Ok(coloured(tilted_features(extractor, &grey, size, allowed, tilt)?, &image))
+    };
+    Tilt::all().into_iter().map(under).collect()
+}
+
+fn coloured(features: Features, image: &Image) -> PictureFeatures {
+    let colors = features.keypoints.iter().map(|&at_px| color_at(image, at_px)).collect();
+    PictureFeatures { features, colors, unreadable: None }
 }
 
 fn none(frame: &Frame, why: String) -> PictureFeatures {

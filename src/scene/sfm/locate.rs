@@ -22,6 +22,14 @@ pub(super) struct Located {
     pub outcome: Outcome,
 }
 
+/// What the matches of a frame see of the model.
+struct Sightings {
+    /// Pixels of the frame and the points that they see, each pair once.
+    seen: Vec<(DVec2, DVec3)>,
+    /// The frame that shares most with it, and the matches with that.
+    nearest: Option<(usize, usize)>,
+}
+
 /// Mapped frames on either side that a frame is matched with first, and where that is not enough.
 const REACH: [usize; 2] = [2, 8];
 /// Reprojection error in pixels up to which a sighting refines the pose.
@@ -59,11 +67,14 @@ impl Locator<'_> {
         near
     }
 
-    /// Pixels of the frame and the points of the model that its matches see, each pair once.
-    fn sightings(&self, picture: &PictureFeatures, near: &[usize]) -> Result<Vec<(DVec2, DVec3)>, SfmError> {
+    fn sightings(&self, picture: &PictureFeatures, near: &[usize]) -> Result<Sightings, SfmError> {
         let mut seen: BTreeMap<(u32, u32), DVec3> = BTreeMap::new();
+        let mut nearest: Option<(usize, usize)> = None;
         for &image in near {
             let matches = self.request.matcher.matches(&picture.features, &self.pictures[image].features)?;
+            if matches.len() > nearest.map_or(0, |(_, most)| most) {
+                nearest = Some((self.request.mapped[image], matches.len()));
+            }
             for (own, index) in matches {
                 let point = self.model.point_of(KeypointId { image: image as u32, index });
                 if let Some((point, known)) = point.and_then(|point| Some((point, self.model.point(point)?))) {
@@ -71,13 +82,15 @@ impl Locator<'_> {
                 }
             }
         }
-        Ok(seen.into_iter().map(|((own, _), x)| (picture.features.keypoints[own as usize], x)).collect())
+        let seen = seen.into_iter().map(|((own, _), x)| (picture.features.keypoints[own as usize], x)).collect();
+        Ok(Sightings { seen, nearest })
     }
 
-    fn pose(&self, frame: &Frame, near: &[usize], seen: &[(DVec2, DVec3)]) -> Result<Located, Outcome> {
+    fn pose(&self, frame: &Frame, near: &[usize], sightings: &Sightings) -> Result<Located, Outcome> {
         let needed = self.request.mapper.pose_inliers;
+        let Sightings { seen, nearest } = sightings;
         if seen.len() < needed {
-            return Err(Outcome::FewPoints { seen: seen.len(), needed, nearest: None });
+            return Err(Outcome::FewPoints { seen: seen.len(), needed, nearest: *nearest });
         }
         let (intrinsics, estimated) = self.intrinsics(frame, near);
         let (at_px, points): (Vec<DVec2>, Vec<DVec3>) = seen.iter().copied().unzip();

@@ -19,8 +19,10 @@ mod problem;
 mod result;
 pub mod retrieval;
 mod scale;
+mod second_chance;
 pub mod sift;
 mod sift_extractor;
+mod tilted;
 mod undistort;
 mod verify;
 

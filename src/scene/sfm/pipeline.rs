@@ -4,6 +4,7 @@ use super::account::{Outcome, outcomes, why_no_start};
 use super::extract::{AllowedPixels, PictureFeatures, extract};
 use super::locate::{Located, Locator};
 use super::result::{error_px, frame_cameras, sparse_points};
+use super::second_chance::{Attempt, second_chance};
 use super::{
     CameraGroups, FeatureExtractor, FeatureMatcher, Features, KeypointId, MapImage, MapProblem, Mapped, MapperOptions,
     PairOptions, SfmError, SfmResult, SparseModel, TriedPair, choose_pairs, map, match_pairs, metric_scale,
@@ -34,11 +35,12 @@ pub struct SfmRequest<'a> {
 }
 
 /// Cameras and sparse points from pictures: features, matches, incremental mapping; then the frames between are placed
-/// in the map, and the scale is taken from depth where there is any and no pose was given.
+/// in the map, and the scale is taken from depth where there is any and no pose was given. Stopped while it maps or
+/// later, it gives what it has by then.
 ///
 /// # Errors
 /// [`SfmError::NoStart`] with the reason where nothing can be placed; where the extractor or the matcher fails; when
-/// stopped.
+/// stopped before anything was placed.
 pub fn structure_from_motion(
     request: &SfmRequest<'_>,
     store: &FrameStore,
@@ -53,7 +55,10 @@ pub fn structure_from_motion(
     let (problem, tried) = problem(request, &chosen, &groups, &pictures, progress)?;
     progress.stage("map")?;
     let models = map(&problem, &request.mapper, progress)?;
+    let first = Attempt { problem, pictures, tried, models };
+    let Attempt { problem, pictures, tried, models } = second_chance(first, request, store, progress)?;
     let Some(kept) = models.first() else {
+        progress.check()?;
         let names: Vec<&str> = chosen.iter().map(|frame| frame.name.as_str()).collect();
         return Err(SfmError::NoStart(why_no_start(&names, &found(&pictures), &tried)));
     };
@@ -65,10 +70,28 @@ pub fn structure_from_motion(
         models: models.iter().map(|mapped| mapped.model.placed().count()).collect(),
         scale: None,
         methods: [request.extractor.name(), request.matcher.name()],
+        stopped: kept.stopped,
     };
-    locate_rest(request, &problem, &kept.model, &pictures, store, &mut result, progress)?;
-    scale_to_metres(request, store, &mut result, progress)?;
+    let locator = Locator { request, problem: &problem, model: &kept.model, pictures: &pictures };
+    match finish(&locator, store, &mut result, progress) {
+        // What is kept has its scale all the same: nothing could give it later.
+        Err(SfmError::Stopped(_)) => scale_to_metres(request, store, &mut result, &Progress::default())?,
+        finished => finished?,
+    }
+    result.stopped |= progress.check().is_err();
     Ok(result)
+}
+
+fn finish(
+    locator: &Locator<'_>,
+    store: &FrameStore,
+    result: &mut SfmResult,
+    progress: &Progress,
+) -> Result<(), SfmError> {
+    let open = locator.request.located.iter().map(|&number| (number, Outcome::NotReached));
+    result.outcomes.extend(open);
+    locate_rest(locator, store, result, progress)?;
+    scale_to_metres(locator.request, store, result, progress)
 }
 
 fn problem(
@@ -142,23 +165,19 @@ fn residual(problem: &MapProblem, model: &SparseModel, image: usize) -> Option<(
 }
 
 fn locate_rest(
-    request: &SfmRequest<'_>,
-    problem: &MapProblem,
-    model: &SparseModel,
-    pictures: &[PictureFeatures],
+    locator: &Locator<'_>,
     store: &FrameStore,
     result: &mut SfmResult,
     progress: &Progress,
 ) -> Result<(), SfmError> {
-    if request.located.is_empty() {
+    let (frames, located) = (locator.request.frames, locator.request.located);
+    if located.is_empty() {
         return Ok(());
     }
     progress.stage("place the frames between")?;
-    let locator = Locator { request, problem, model, pictures };
-    for (done, &number) in request.located.iter().enumerate() {
-        progress.step(done, request.located.len())?;
-        let ahead: Vec<Frame> =
-            request.located[done + 1..].iter().take(2).map(|&next| request.frames[next].clone()).collect();
+    for (done, &number) in located.iter().enumerate() {
+        progress.step(done, located.len())?;
+        let ahead: Vec<Frame> = located[done + 1..].iter().take(2).map(|&next| frames[next].clone()).collect();
         store.prefetch(&ahead);
         let Located { camera, outcome } = locator.locate(number, store)?;
         result.cameras.extend(camera.map(|camera| (number, camera)));
@@ -175,7 +194,7 @@ fn scale_to_metres(
     progress: &Progress,
 ) -> Result<(), SfmError> {
     let has_unit = request.keep_poses && result.start == super::Start::Given;
-    if has_unit || request.frames.iter().all(|frame| frame.depth.is_none()) {
+    if has_unit || !request.frames.iter().any(Frame::has_sensor_depth) {
         return Ok(());
     }
     progress.stage("scale")?;

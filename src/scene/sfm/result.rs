@@ -22,6 +22,8 @@ pub struct SfmResult {
     pub scale: Option<MetricScale>,
     /// Names of the extractor and the matcher.
     pub methods: [&'static str; 2],
+    /// Whether it was stopped and is a part of what it could be.
+    pub stopped: bool,
 }
 
 impl SfmResult {

@@ -44,6 +44,9 @@ pub fn metric_scale(
     for (&number, keypoints) in &sparse.keypoints {
         progress.check()?;
         let frame = &frames[number];
+        if !frame.has_sensor_depth() {
+            continue;
+        }
         let Some(pose) = cameras.get(&number).and_then(|camera| camera.camera_from_world) else { continue };
         let Some(depth) = store.depth(frame)? else { continue };
         for keypoint in keypoints {

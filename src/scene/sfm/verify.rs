@@ -35,14 +35,20 @@ pub fn match_pairs(
     let tried = pairs.par_iter().map(|&(first, second)| {
         let matches = matcher(first, second)?;
         let both = [(first, features[first], cameras[first]), (second, features[second], cameras[second])];
-        let verified = verify(both, &matches, seed);
+        let tried = verify(both, &matches, seed);
         progress.step(done.fetch_add(1, Ordering::Relaxed) + 1, pairs.len())?;
-        Ok(TriedPair { images: [first as u32, second as u32], matches: matches.len(), verified })
+        Ok(tried)
     });
     tried.collect()
 }
 
-fn verify(both: [(usize, &Features, MapCamera); 2], matches: &[(u32, u32)], seed: u64) -> Option<VerifiedPair> {
+/// The matches of two images, given by number, that agree with a geometry; the image with the lower number first.
+pub(super) fn verify(both: [(usize, &Features, MapCamera); 2], matches: &[(u32, u32)], seed: u64) -> TriedPair {
+    let images = both.map(|(image, _, _)| image as u32);
+    TriedPair { images, matches: matches.len(), verified: agreeing(both, matches, seed) }
+}
+
+fn agreeing(both: [(usize, &Features, MapCamera); 2], matches: &[(u32, u32)], seed: u64) -> Option<VerifiedPair> {
     let [(first, a, camera_a), (second, b, camera_b)] = both;
     let at_px: Vec<[DVec2; 2]> =
         matches.iter().map(|&(i, j)| [a.keypoints[i as usize], b.keypoints[j as usize]]).collect();

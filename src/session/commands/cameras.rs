@@ -1,11 +1,11 @@
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Result, ensure};
 
-use super::reconstruct::given;
-use crate::engine::job::Progress;
+use super::reconstruct::{given, is_posed};
+use crate::engine::job::{Progress, Stopped};
 use crate::frames::cameras::{ModelEncoding, write_colmap_model};
 use crate::frames::{Frame, FrameCamera, FrameStore};
 use crate::masks::LabelId;
@@ -13,9 +13,8 @@ use crate::scene::sfm::{
     FeatureExtractor, FeatureMatcher, MapperOptions, Outcome, PairOptions, SfmRequest, SfmResult, structure_from_motion,
 };
 use crate::session::engines::{extractor, matcher};
-use crate::session::jobs::{Kind, Landing};
 use crate::session::store::{save_outcomes, sparse_path, sync_folder};
-use crate::session::{Edit, Event, JobId, Project, ReconstructRequest, ResultKind, ResultRecord, Session};
+use crate::session::{Edit, Event, Project, ReconstructRequest, ResultKind, ResultRecord, Session};
 
 /// What becomes of poses that frames have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,66 +28,118 @@ pub(super) enum Poses {
 /// Warnings about frames left out that are told one by one.
 const TOLD: usize = 20;
 
-impl Session {
-    /// Cameras by structure from motion.
-    pub(super) fn find_cameras(
-        &mut self,
+/// What finding cameras works on.
+pub(super) struct CameraWork {
+    pub project: Arc<Project>,
+    pub root: PathBuf,
+    pub store: Arc<FrameStore>,
+    pub request: ReconstructRequest,
+    pub poses: Poses,
+    pub version: u64,
+    extractor: Box<dyn FeatureExtractor>,
+    matcher: Box<dyn FeatureMatcher>,
+}
+
+/// What it found, on the disk already.
+pub(super) struct FoundCameras {
+    made_from: Arc<Project>,
+    edits: Vec<Edit>,
+    notice: String,
+    warnings: Vec<String>,
+    /// Whether it was stopped and is a part of what it could be.
+    pub stopped: bool,
+}
+
+impl CameraWork {
+    /// Checks what is asked for and loads what it needs.
+    ///
+    /// # Errors
+    /// Where a pair names no frame or an engine is not installed.
+    pub fn new(
         project: Arc<Project>,
         request: &ReconstructRequest,
         poses: Poses,
-    ) -> Result<JobId> {
+        session: &mut Session,
+    ) -> Result<Self> {
         let frames = project.frames.len();
         let unknown = request.pairs.iter().flatten().find(|&&frame| frame >= frames);
         ensure!(unknown.is_none(), "there is no frame {}; the project has {frames}", unknown.unwrap_or(&0));
         let extractor = extractor(&request.features, request.max_side)?;
         let matcher = matcher(&request.matcher, extractor.name())?;
-        let version = self.opened()?.next_version()?;
-        let root = self.opened()?.root().to_owned();
-        let (store, request) = (Arc::clone(&self.store), request.clone());
-        Ok(self.start("Reconstruct", Kind::Long, move |link| {
-            let begun = Instant::now();
-            let engines = (extractor.as_ref(), matcher.as_ref());
-            let result = make(&project, &request, poses, engines, &store, &link.progress)?;
-            link.progress.stage("save")?;
-            save(&sparse_path(&root, version), &project.frames, &result)?;
-            sync_folder(&root.join("versions"))?;
-            let record = ResultRecord {
-                engine: "sfm".into(),
-                frames: result.cameras.len(),
-                seconds: begun.elapsed().as_secs_f64(),
-                stale: false,
-                settings: settings(&result),
-                version,
-            };
-            Ok(Box::new(move |session: &mut Self| session.take_cameras(&project, &result, poses, record)) as Landing)
-        }))
+        let version = session.opened()?.next_version()?;
+        let (root, store) = (session.opened()?.root().to_owned(), Arc::clone(&session.store));
+        Ok(Self { project, root, store, request: request.clone(), poses, version, extractor, matcher })
     }
 
-    fn take_cameras(
-        &mut self,
-        made_from: &Project,
-        result: &SfmResult,
-        poses: Poses,
-        mut record: ResultRecord,
-    ) -> Result<()> {
-        record.stale = made_from.frames != self.snapshot()?.frames;
-        let notice = format!("cameras: {}", record.settings);
-        let mut edits: Vec<Edit> = made_from
-            .frames
-            .iter()
-            .enumerate()
-            .map(|(frame, known)| Edit::SetCamera { frame, camera: camera(known, result.cameras.get(&frame), poses) })
-            .collect();
-        edits.push(Edit::SetResult { kind: ResultKind::Cameras, record: Some(record) });
-        let with_depth = made_from.frames.iter().filter(|frame| frame.depth.is_some()).count();
-        if with_depth > 0 {
-            edits.push(given(ResultKind::Depths, with_depth, ""));
+    /// Cameras by structure from motion; stopped, those that it has, where they are more than stand already.
+    ///
+    /// # Errors
+    /// Where nothing can be placed or written, or it was stopped before there was anything to keep.
+    pub fn find(self, progress: &Progress) -> Result<FoundCameras> {
+        let begun = Instant::now();
+        let engines = (self.extractor.as_ref(), self.matcher.as_ref());
+        let result = make(&self.project, &self.request, self.poses, engines, &self.store, progress)?;
+        let frames = &self.project.frames;
+        if result.stopped && result.cameras.len() <= frames.iter().filter(|frame| is_posed(frame)).count() {
+            return Err(Stopped.into());
         }
-        self.commit("Reconstruct", edits)?;
-        self.events.push(Event::Notice(notice));
-        self.warn_all(left_out(&made_from.frames, result));
+        save(&sparse_path(&self.root, self.version), frames, &result)?;
+        sync_folder(&self.root.join("versions"))?;
+        let record = record(&result, begun.elapsed(), self.version);
+        Ok(FoundCameras {
+            notice: format!("cameras: {}", record.settings),
+            warnings: unplaced(frames, &result),
+            edits: edits(&self.project, &result, self.poses, record),
+            stopped: result.stopped,
+            made_from: self.project,
+        })
+    }
+}
+
+impl FoundCameras {
+    /// The project that they were found for, with them.
+    ///
+    /// # Errors
+    /// Where an edit does not fit it.
+    pub fn applied(&self) -> Result<Project> {
+        let mut project = Project::clone(&self.made_from);
+        for edit in &self.edits {
+            project.apply(edit.clone())?;
+        }
+        Ok(project)
+    }
+
+    /// Takes them into the session.
+    ///
+    /// # Errors
+    /// Where the step cannot be saved.
+    pub fn land(mut self, session: &mut Session) -> Result<()> {
+        let changed = self.made_from.frames != session.snapshot()?.frames;
+        for edit in &mut self.edits {
+            if let Edit::SetResult { record: Some(record), .. } = edit {
+                record.stale = changed && record.version > 0;
+            }
+        }
+        session.commit("Reconstruct", self.edits)?;
+        session.events.push(Event::Notice(self.notice));
+        session.warn_all(self.warnings);
         Ok(())
     }
+}
+
+fn edits(project: &Project, result: &SfmResult, poses: Poses, record: ResultRecord) -> Vec<Edit> {
+    let frames = project.frames.iter().enumerate();
+    let mut edits: Vec<Edit> = frames
+        .clone()
+        .map(|(frame, known)| Edit::SetCamera { frame, camera: camera(known, result.cameras.get(&frame), poses) })
+        .collect();
+    edits.push(Edit::SetResult { kind: ResultKind::Cameras, record: Some(record) });
+    let measured = frames.clone().filter(|(_, frame)| frame.has_sensor_depth()).count();
+    let made = frames.filter(|(_, frame)| frame.depth.is_some()).count() > measured;
+    if measured > 0 && !made {
+        edits.push(given(ResultKind::Depths, measured, ""));
+    }
+    edits
 }
 
 fn make(
@@ -137,11 +188,23 @@ fn camera(known: &Frame, found: Option<&FrameCamera>, poses: Poses) -> Option<Fr
     }
 }
 
+fn record(result: &SfmResult, took: Duration, version: u64) -> ResultRecord {
+    ResultRecord {
+        engine: "sfm".into(),
+        frames: result.cameras.len(),
+        seconds: took.as_secs_f64(),
+        stale: false,
+        settings: settings(result),
+        version,
+    }
+}
+
 fn settings(result: &SfmResult) -> String {
     let [features, matcher] = result.methods;
     let of = result.outcomes.len();
     let mut text = format!(
-        "{} of {of} frames by {features} + {matcher}, {} points",
+        "{}{} of {of} frames by {features} + {matcher}, {} points",
+        if result.stopped { "stopped with " } else { "" },
         result.cameras.len(),
         result.sparse.points.len()
     );
@@ -161,14 +224,19 @@ fn settings(result: &SfmResult) -> String {
 }
 
 /// One line per frame without a camera, up to a number.
-fn left_out(frames: &[Frame], result: &SfmResult) -> Vec<String> {
+fn unplaced(frames: &[Frame], result: &SfmResult) -> Vec<String> {
     let placed = |outcome: &Outcome| matches!(outcome, Outcome::Placed { .. });
-    let out: Vec<_> = result.outcomes.iter().filter(|(_, outcome)| !placed(outcome)).collect();
+    let out = result.outcomes.iter().filter(|(_, outcome)| !placed(outcome));
     let name = |frame: usize| frames[frame].name.as_str();
-    let told = out.iter().take(TOLD).map(|(frame, why)| format!("{} has no camera: {}", name(**frame), why.text(name)));
-    let mut lines: Vec<String> = told.collect();
-    if out.len() > TOLD {
-        lines.push(format!("{} more frames have no camera; the window tells why for each", out.len() - TOLD));
+    left_out(out.map(|(&frame, why)| format!("{} has no camera: {}", name(frame), why.text(name))).collect(), "camera")
+}
+
+/// The first lines about frames left out, and how many more there are.
+pub(super) fn left_out(mut lines: Vec<String>, lacking: &str) -> Vec<String> {
+    let more = lines.len().saturating_sub(TOLD);
+    lines.truncate(TOLD);
+    if more > 0 {
+        lines.push(format!("{more} more frames have no {lacking}"));
     }
     lines
 }

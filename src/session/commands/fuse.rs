@@ -4,15 +4,18 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 
 use crate::engine::job::Progress;
-use crate::frames::FrameStore;
+use crate::frames::{Frame, FrameStore};
 use crate::masks::Label;
-use crate::scene::fuse::{FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto, write_votes};
+use crate::scene::fuse::{
+    FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto, vote_seen, write_votes,
+};
 use crate::scene::ply::{Coloring, read_ply, save_ply};
+use crate::scene::stereo::{DenseCloud, FusionOptions, ViewOutcome, fuse_depths};
 use crate::session::jobs::{Kind, Landing};
-use crate::session::store::{cloud_path, sync_folder, votes_path};
+use crate::session::store::{DepthFolder, cloud_path, sync_folder, version_in_force, votes_path};
 use crate::session::{Edit, Event, FuseRequest, JobId, Project, ResultKind, ResultRecord, Session};
 
 impl Session {
@@ -24,7 +27,7 @@ impl Session {
         let store = Arc::clone(&self.store);
         Ok(self.start("Fuse", Kind::Long, move |link| {
             let begun = Instant::now();
-            let fused = make(&store, &project, &request, &link.progress)?;
+            let fused = make(&store, &root, &project, &request, &link.progress)?;
             link.progress.stage("save")?;
             save_ply(&cloud_path(&root, version), &fused.cloud, Coloring::Picture, &link.progress)?;
             save_votes(&votes_path(&root, version), &fused.votes)?;
@@ -34,7 +37,7 @@ impl Session {
                 frames: fused.report.frames_voted,
                 seconds: begun.elapsed().as_secs_f64(),
                 stale: false,
-                settings: settings(&request, &fused),
+                settings: settings(&request, &fused, stereo_version(&project).is_some()),
                 version,
             };
             Ok(Box::new(move |session: &mut Self| session.take_cloud(&project, fused, record)) as Landing)
@@ -43,7 +46,7 @@ impl Session {
 
     fn take_cloud(&mut self, made_from: &Project, fused: Fused, mut record: ResultRecord) -> Result<()> {
         let version = record.version;
-        record.stale = has_changed(made_from, &*self.snapshot()?);
+        record.stale = has_changed(made_from, &*self.snapshot()?) || has_stale_depths(made_from);
         self.commit("Fuse", vec![Edit::SetResult { kind: ResultKind::Cloud, record: Some(record) }])?;
         self.cloud.put(Some(version), fused.cloud, Some(fused.votes));
         self.events.push(Event::CloudChanged);
@@ -52,24 +55,75 @@ impl Session {
     }
 }
 
-fn make(store: &FrameStore, project: &Project, request: &FuseRequest, progress: &Progress) -> Result<Fused> {
+fn make(
+    store: &FrameStore,
+    root: &Path,
+    project: &Project,
+    request: &FuseRequest,
+    progress: &Progress,
+) -> Result<Fused> {
     let masks = |frame: usize| project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
     let views = ProjectViews { frames: &project.frames, store, masks: &masks };
-    let min_confidence = request.min_confidence.unwrap_or(0.0);
-    let Some(onto) = &request.onto else {
-        let options = FuseOptions {
-            voxel: request.voxel,
-            min_confidence,
-            drop_unlabelled: request.drop_unlabelled,
-            ..FuseOptions::default()
-        };
-        return Ok(fuse(&views, &project.labels, &options, progress)?);
+    let (min_confidence, drop_unlabelled) = (request.min_confidence.unwrap_or(0.0), request.drop_unlabelled);
+    let onto = OntoOptions { min_confidence, drop_unlabelled, ..OntoOptions::default() };
+    if let Some(path) = &request.onto {
+        let given = read_ply(path, progress)?;
+        let mut fused = vote_onto(&given.cloud, &views, &project.labels, &onto, progress)?;
+        fused.report.warnings.splice(0..0, given.warnings);
+        return Ok(fused);
+    }
+    if let Some(version) = stereo_version(project) {
+        let cloud = dense_cloud(store, root, project, version, request.voxel, progress)?;
+        let (points, seen) = cloud.into_points();
+        let mut fused = vote_seen(&points, &seen, &views, &project.labels, &onto, progress)?;
+        if has_stale_depths(project) {
+            fused.report.warnings.push("the depths were made with other cameras; reconstruct again".into());
+        }
+        return Ok(fused);
+    }
+    let voxel = request.voxel;
+    let options = FuseOptions { voxel, min_confidence, drop_unlabelled, ..FuseOptions::default() };
+    Ok(fuse(&views, &project.labels, &options, progress)?)
+}
+
+/// Whether depths were made from what has changed since.
+fn has_stale_depths(project: &Project) -> bool {
+    project.results.get(&ResultKind::Depths).is_some_and(|record| record.stale)
+}
+
+/// The version of the depth maps, where stereo made all that there are.
+fn stereo_version(project: &Project) -> Option<u64> {
+    let measured = project.frames.iter().any(Frame::has_sensor_depth);
+    let made = project.frames.iter().any(|frame| frame.depth.is_some());
+    version_in_force(project, ResultKind::Depths).filter(|_| made && !measured)
+}
+
+/// Points of the depth maps that stereo made, with the pixels that made each.
+fn dense_cloud(
+    store: &FrameStore,
+    root: &Path,
+    project: &Project,
+    version: u64,
+    voxel: Option<f64>,
+    progress: &Progress,
+) -> Result<DenseCloud> {
+    let frames = &project.frames;
+    let folder = DepthFolder::new(root, version, frames).scaled(frames);
+    let account = folder.load_account()?;
+    // A frame that lost its camera since gives no points.
+    let is_posed = |frame: usize| frames.get(frame).is_some_and(|frame| frame.posed_camera().is_some());
+    let compared = |(frame, outcome): (usize, ViewOutcome)| match outcome {
+        ViewOutcome::Done { sources, .. } if is_posed(frame) => Some((frame, sources)),
+        _ => None,
     };
-    let given = read_ply(onto, progress)?;
-    let options = OntoOptions { min_confidence, drop_unlabelled: request.drop_unlabelled, ..OntoOptions::default() };
-    let mut fused = vote_onto(&given.cloud, &views, &project.labels, &options, progress)?;
-    fused.report.warnings.splice(0..0, given.warnings);
-    Ok(fused)
+    let neighbours = account.outcomes.unwrap_or_default().into_iter().filter_map(compared).collect();
+    let source = (store, account.max_side);
+    let cloud = fuse_depths(frames, &neighbours, source, &folder, &FusionOptions::default(), progress)?;
+    ensure!(!cloud.is_empty(), "the depth maps agree on no point; look at them, and reconstruct with more pictures");
+    Ok(match voxel {
+        Some(voxel) => cloud.thinned(voxel)?,
+        None => cloud,
+    })
 }
 
 /// Whether what a cloud is made of is no longer what it was.
@@ -82,9 +136,10 @@ fn has_changed(before: &Project, now: &Project) -> bool {
     before.frames != now.frames || !before.labels.iter().all(same_name) || runs(before) != runs(now)
 }
 
-fn settings(request: &FuseRequest, fused: &Fused) -> String {
+fn settings(request: &FuseRequest, fused: &Fused, is_stereo: bool) -> String {
     let source = match &request.onto {
         Some(onto) => format!("onto {}", onto.display()),
+        None if is_stereo => request.voxel.map_or("stereo".into(), |voxel| format!("stereo, voxel {voxel:.6}")),
         None => format!("voxel {:.6}", fused.report.voxel),
     };
     let confidence = request.min_confidence.map(|share| format!(", min confidence {share}")).unwrap_or_default();

@@ -19,6 +19,7 @@ mod reconstruct;
 mod relocate;
 mod scale;
 mod split;
+mod stereo;
 mod suggest;
 mod tidy;
 mod trace;

@@ -5,8 +5,9 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::engine::job::Progress;
 use crate::frames::cameras::{GivenCameras, attach_intrinsics};
-use crate::frames::{self, Frame, OpenRequest, Opened, PictureSource};
+use crate::frames::{self, Frame, FrameStore, OpenRequest, Opened, PictureSource};
 use crate::session::jobs::{Kind, Landing};
+use crate::session::session::PIXEL_BYTES;
 use crate::session::store::Folder;
 use crate::session::{Edit, Event, JobId, NewProject, OpenProject, Project, Session};
 
@@ -70,6 +71,7 @@ fn take_open(open: OpenProject, warnings: Vec<String>) -> Landing {
     Box::new(move |session| {
         session.close();
         session.events.push(Event::Opened(open.root().to_owned()));
+        session.store = Arc::new(FrameStore::at_home(PIXEL_BYTES, open.root().to_owned()));
         session.open = Some(open);
         session.tell_changed();
         session.warn_all(warnings);

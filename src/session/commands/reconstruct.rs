@@ -1,42 +1,82 @@
+use std::sync::Arc;
+
 use anyhow::{Result, bail, ensure};
 
-use super::cameras::Poses;
+use super::cameras::{CameraWork, Poses};
+use super::stereo::{StereoWork, make_depths};
+use crate::engine::job::Stopped;
 use crate::frames::Frame;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{Edit, JobId, Project, ReconstructMethod, ReconstructRequest, ResultKind, ResultRecord, Session};
 
 /// What a reconstruction comes down to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Way {
     /// Poses and depths are there.
     Given,
-    /// Cameras are found.
-    Cameras(Poses),
+    /// Cameras are found where that is wanted, depths are made where that is wanted.
+    Made { cameras: Option<Poses>, depths: bool },
 }
 
 impl Session {
-    /// Finds cameras that are missing; takes given poses and depths as they are. Making depths is not possible yet.
+    /// Finds cameras that are missing and makes depths by stereo; takes given poses and depths as they are.
     pub(in crate::session) fn reconstruct(&mut self, request: &ReconstructRequest) -> Result<JobId> {
         self.check_no_long_job()?;
         let project = self.snapshot()?;
         match way(&project, request)? {
             Way::Given => self.take_given(&project, request),
-            Way::Cameras(poses) => self.find_cameras(project, request, poses),
+            Way::Made { cameras, depths } => self.make(project, request, cameras, depths),
         }
+    }
+
+    fn make(
+        &mut self,
+        project: Arc<Project>,
+        request: &ReconstructRequest,
+        cameras: Option<Poses>,
+        depths: bool,
+    ) -> Result<JobId> {
+        ensure!(
+            !(depths && request.device == "gpu"),
+            "stereo on the graphics card is not in this version yet; choose the device 'auto' or 'cpu'"
+        );
+        let camera_work =
+            cameras.map(|poses| CameraWork::new(Arc::clone(&project), request, poses, self)).transpose()?;
+        let work = StereoWork {
+            project,
+            root: self.opened()?.root().to_owned(),
+            store: Arc::clone(&self.store),
+            request: request.clone(),
+            version: self.opened()?.next_version()?,
+        };
+        Ok(self.start("Reconstruct", Kind::Long, move |link| {
+            let mut work = work;
+            if let Some(camera_work) = camera_work {
+                let found = camera_work.find(&link.progress)?;
+                let stopped = found.stopped;
+                work.project = Arc::new(found.applied()?);
+                link.send(move |session: &mut Self| found.land(session))?;
+                if stopped {
+                    return Err(Stopped.into());
+                }
+            }
+            if depths {
+                make_depths(work, link)?;
+            }
+            Ok(Box::new(|_: &mut Self| Ok(())) as Landing)
+        }))
     }
 
     fn take_given(&mut self, project: &Project, request: &ReconstructRequest) -> Result<JobId> {
         let count = |has: fn(&Frame) -> bool| project.frames.iter().step_by(request.every).filter(|f| has(f)).count();
         let posed = count(is_posed);
         let with_depth = count(|frame| frame.depth.is_some());
-        let both = count(|frame| is_posed(frame) && frame.depth.is_some());
-        ensure!(
-            both > 0,
-            "all frames have cameras, and depth without depth pictures is not in this version yet; to find the cameras \
-             anew choose the method 'sfm' (cameras only)"
-        );
         let settings = if request.every > 1 { format!("every {}", request.every) } else { String::new() };
-        let edits =
-            vec![given(ResultKind::Cameras, posed, &settings), given(ResultKind::Depths, with_depth, &settings)];
+        // What has files of its own was made here and stays what it is.
+        let was_made = |kind| project.results.get(&kind).is_some_and(|record| record.version > 0);
+        let counts = [(ResultKind::Cameras, posed), (ResultKind::Depths, with_depth)];
+        let given = counts.into_iter().filter(|&(kind, _)| !was_made(kind));
+        let edits: Vec<Edit> = given.map(|(kind, frames)| self::given(kind, frames, &settings)).collect();
         Ok(self.start("Reconstruct", Kind::Long, move |_| {
             Ok(Box::new(move |session: &mut Self| session.commit("Reconstruct", edits)) as Landing)
         }))
@@ -46,23 +86,24 @@ impl Session {
 fn way(project: &Project, request: &ReconstructRequest) -> Result<Way> {
     ensure!(request.every > 0, "every 0th frame is none; give 1 or more");
     ensure!(!project.frames.is_empty(), "the project has no frames");
+    let posed = project.frames.iter().filter(|frame| is_posed(frame)).count();
+    let missing = match posed {
+        _ if project.frames.iter().step_by(request.every).all(is_posed) => None,
+        0 | 1 => Some(Poses::Anew),
+        _ => Some(Poses::Kept),
+    };
+    let measured = project.frames.iter().any(Frame::has_sensor_depth);
     match request.method {
-        ReconstructMethod::Auto => {
-            let posed = project.frames.iter().filter(|frame| is_posed(frame)).count();
-            let chosen_posed = project.frames.iter().step_by(request.every).all(is_posed);
-            Ok(match posed {
-                _ if chosen_posed => Way::Given,
-                0 | 1 => Way::Cameras(Poses::Anew),
-                _ => Way::Cameras(Poses::Kept),
-            })
-        }
-        ReconstructMethod::Sfm => Ok(Way::Cameras(Poses::Anew)),
-        ReconstructMethod::Mvs => bail!("stereo is not in this version yet; give depth pictures with --depth"),
+        ReconstructMethod::Auto if measured && missing.is_none() => Ok(Way::Given),
+        ReconstructMethod::Auto => Ok(Way::Made { cameras: missing, depths: !measured }),
+        ReconstructMethod::Sfm => Ok(Way::Made { cameras: Some(Poses::Anew), depths: false }),
+        ReconstructMethod::Mvs => Ok(Way::Made { cameras: missing, depths: true }),
         ReconstructMethod::Rgbd => bail!("RGB-D registration is not in this version yet; give cameras with --cameras"),
     }
 }
 
-fn is_posed(frame: &Frame) -> bool {
+/// Whether a frame's pose is known.
+pub(super) fn is_posed(frame: &Frame) -> bool {
     frame.posed_camera().is_some()
 }
 

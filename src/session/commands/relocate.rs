@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf, absolute};
 
 use anyhow::{Context, Result, bail};
 
-use crate::frames::{Frame, PictureSource};
+use crate::frames::{DepthSource, Frame, PictureSource};
 use crate::session::jobs::Kind;
 use crate::session::{Edit, JobId, Session};
 
@@ -35,7 +35,9 @@ fn moved(frame: &Frame, from: &Path, to: &Path) -> Result<Option<Frame>> {
     match &mut value.picture {
         PictureSource::File { path, .. } | PictureSource::Film { path, .. } => places.push(path),
     }
-    places.extend(value.depth.as_mut().map(|depth| &mut depth.path));
+    if let Some(DepthSource::Sensor { path, .. }) = &mut value.depth {
+        places.push(path);
+    }
     let mut any = false;
     for place in places {
         let Ok(below) = place.strip_prefix(from) else { continue };

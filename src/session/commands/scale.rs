@@ -3,8 +3,8 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 use glam::{DVec2, DVec3};
 
-use crate::frames::Frame;
 use crate::frames::cameras::{ModelEncoding, write_colmap_model};
+use crate::frames::{DepthSource, Frame};
 use crate::geometry::{Sighting, triangulate};
 use crate::session::jobs::{Kind, Landing};
 use crate::session::store::{load_outcomes, load_sparse, save_outcomes, sparse_path, sync_folder, version_in_force};
@@ -37,6 +37,15 @@ impl Session {
         ensure!(project.frames == self.snapshot()?.frames, "the cameras changed meanwhile; set the scale again");
         let mut edits: Vec<Edit> =
             frames.iter().enumerate().map(|(frame, scaled)| Edit::SetCamera { frame, camera: scaled.camera }).collect();
+        let made = frames.iter().enumerate().filter(|(_, frame)| matches!(frame.depth, Some(DepthSource::Made { .. })));
+        edits.extend(made.map(|(frame, scaled)| Edit::SetDepth { frame, depth: scaled.depth.clone() }));
+        // Cameras and depths change together: what was made of them fits as before.
+        edits.extend(
+            project
+                .results
+                .get(&ResultKind::Depths)
+                .map(|record| Edit::SetResult { kind: ResultKind::Depths, record: Some(record.clone()) }),
+        );
         if let Some(record) = project.results.get(&ResultKind::Cameras) {
             let mut record = record.clone();
             record.settings += &format!(", scaled by {factor:.6}");
@@ -54,14 +63,17 @@ fn scaled(frame: &Frame, factor: f64) -> Frame {
     if let Some(pose) = frame.camera.as_mut().and_then(|camera| camera.camera_from_world.as_mut()) {
         pose.translation *= factor;
     }
+    if let Some(DepthSource::Made { scale, .. }) = &mut frame.depth {
+        *scale *= factor;
+    }
     frame
 }
 
 /// What lengths are multiplied by.
 fn factor(project: &Project, request: &ScaleRequest) -> Result<f64> {
     ensure!(request.length > 0.0 && request.length.is_finite(), "the length must be above 0");
-    let with_depth = project.frames.iter().any(|frame| frame.depth.is_some() && frame.posed_camera().is_some());
-    ensure!(!with_depth, "the depth pictures tell the scale; it cannot be set to another");
+    let measured = project.frames.iter().any(|frame| frame.has_sensor_depth() && frame.posed_camera().is_some());
+    ensure!(!measured, "the depth pictures tell the scale; it cannot be set to another");
     let [a, b] = &request.ends;
     let (a, b) = (place(project, a)?, place(project, b)?);
     let factor = request.length / a.distance(b);

@@ -8,6 +8,6 @@ mod studio;
 mod user;
 
 pub use report::{CloudReport, DemoReport, MaskReport};
-pub use run::{DemoOptions, run_demo};
+pub use run::{DemoMethod, DemoOptions, run_demo};
 pub use studio::Watch;
 pub use user::MAX_CLICKS;

@@ -3,18 +3,20 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
+use glam::DVec3;
 
 use super::report::{CloudReport, DemoReport, MaskReport};
 use super::studio::{Studio, Watch};
 use super::user::SimulatedUser;
 use crate::engine::job::Progress;
-use crate::frames::{FrameFolder, OpenRequest};
+use crate::frames::{Frame, FrameFolder, OpenRequest};
+use crate::geometry::{Alignment, Similarity};
 use crate::masks::LabelMask;
 use crate::scene::LabelledCloud;
 use crate::scene::ply::{Coloring, read_ply, save_ply};
 use crate::scene::score::{CloudScoreOptions, score_cloud};
-use crate::scene::synthetic::{Scene, SceneOptions, TruthOptions};
-use crate::session::{Command, ExportRequest, FuseRequest, NewProject, Session};
+use crate::scene::synthetic::{Scene, SceneOptions, TruthOptions, View};
+use crate::session::{Command, ExportRequest, FuseRequest, NewProject, ReconstructMethod, ReconstructRequest, Session};
 
 /// What the demo makes and where.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +25,18 @@ pub struct DemoOptions {
     pub out: PathBuf,
     /// The scene.
     pub scene: SceneOptions,
+    /// Where cameras and depths come from.
+    pub method: DemoMethod,
+}
+
+/// Where the demo's cameras and depths come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DemoMethod {
+    /// The exact cameras and a made sensor's depths.
+    Given,
+    /// From the pictures alone: structure from motion, then stereo. The cloud is aligned to the truth by Sim(3) of the
+    /// camera centres.
+    Stereo,
 }
 
 /// Clicks per class on the first frame, and on each frame corrected after.
@@ -48,26 +62,34 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
     let truth_masks: Vec<LabelMask> = scene.views().iter().map(|view| scene.render_exact(view).mask).collect();
 
     let mut studio = Studio::new(session, watch);
-    clock.time("2 open", || studio.act(Command::New(new_project(out))))?;
+    clock.time("2 open", || studio.act(Command::New(new_project(out, options.method))))?;
+    if options.method == DemoMethod::Stereo {
+        let request = ReconstructRequest { method: ReconstructMethod::Mvs, ..ReconstructRequest::default() };
+        clock.time("3 reconstruct", || studio.act(Command::Reconstruct(request)))?;
+    }
     let mut user = SimulatedUser::new(&mut studio, truth_masks, scene.tree(), level)?;
     let first = user.clearest_frame();
-    clock.time("3 click", || user.click_on(&mut studio, first, FIRST_CLICKS))?;
-    clock.time("4 track", || SimulatedUser::track(&mut studio))?;
+    clock.time("4 click", || user.click_on(&mut studio, first, FIRST_CLICKS))?;
+    clock.time("5 track", || SimulatedUser::track(&mut studio))?;
     while let Some(frame) = user.worst_frame(&studio)? {
         let before = user.clicks();
-        clock.time("3 click", || user.click_on(&mut studio, frame, CORRECTING_CLICKS))?;
+        clock.time("4 click", || user.click_on(&mut studio, frame, CORRECTING_CLICKS))?;
         if user.clicks() == before {
             break;
         }
-        clock.time("4 track", || SimulatedUser::track(&mut studio))?;
+        clock.time("5 track", || SimulatedUser::track(&mut studio))?;
     }
-    clock.time("5 fuse", || {
+    clock.time("6 fuse", || {
         studio.act(Command::Fuse(FuseRequest { drop_unlabelled: true, ..FuseRequest::default() }))
     })?;
     let cloud_path = out.join("cloud.ply");
     let export = ExportRequest { cloud: Some(cloud_path.clone()), ..ExportRequest::default() };
-    clock.time("6 export", || studio.act(Command::Export(export)))?;
-    let cloud = clock.time("7 score", || score(&truth_cloud, &cloud_path))?;
+    clock.time("7 export", || studio.act(Command::Export(export)))?;
+    if options.method == DemoMethod::Stereo {
+        let project = studio.session.project().context("no project is open")?;
+        align(&cloud_path, &project.frames, scene.views())?;
+    }
+    let cloud = clock.time("8 score", || score(&truth_cloud, &cloud_path))?;
     let report = DemoReport {
         cloud,
         masks: MaskReport { iou: user.mean_ious(&studio)? },
@@ -126,15 +148,35 @@ fn make_recording(scene: &Scene, out: &Path) -> Result<LabelledCloud> {
     Ok(cloud)
 }
 
-fn new_project(out: &Path) -> NewProject {
+fn new_project(out: &Path, method: DemoMethod) -> NewProject {
     let recording = out.join("recording");
-    let source = FrameFolder { frames: recording.join("color"), depth: Some(recording.join("depth")) };
+    let given = |path: &str| (method == DemoMethod::Given).then(|| recording.join(path));
+    let source = FrameFolder { frames: recording.join("color"), depth: given("depth") };
     NewProject {
         root: out.join("project"),
         open: OpenRequest { sources: vec![source], depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() },
-        cameras: Some(recording.join("sparse")),
+        cameras: given("sparse"),
         intrinsics: None,
     }
+}
+
+/// Moves the cloud in a file to where the true camera centres are.
+fn align(cloud_path: &Path, frames: &[Frame], views: &[View]) -> Result<()> {
+    let pairs = frames.iter().zip(views).filter_map(|(frame, view)| {
+        let (_, found) = frame.posed_camera()?;
+        Some((found.centre(), view.camera_from_world.centre()))
+    });
+    let (found, truth): (Vec<DVec3>, Vec<DVec3>) = pairs.unzip();
+    let to_truth = Similarity::align(&found, &truth, Alignment::Sim3)?;
+    let progress = Progress::default();
+    let mut cloud = read_ply(cloud_path, &progress)?.cloud;
+    for position in &mut cloud.positions {
+        *position = to_truth.transform(position.as_dvec3()).as_vec3();
+    }
+    for normal in &mut cloud.normals {
+        *normal = (to_truth.rotation * normal.as_dvec3()).as_vec3();
+    }
+    Ok(save_ply(cloud_path, &cloud, Coloring::Picture, &progress)?)
 }
 
 fn score(truth: &LabelledCloud, cloud_path: &Path) -> Result<CloudReport> {

@@ -7,6 +7,7 @@
 //! May use: every room that `session` may. Must not touch: the session's jobs.
 
 mod checkpoint;
+mod depth_folder;
 mod durable;
 mod folder;
 mod history_file;
@@ -21,8 +22,12 @@ mod record;
 mod versions;
 
 pub use checkpoint::{Checkpoint, HISTORY_BYTES, load_sparse};
+pub use depth_folder::{DepthAccount, DepthFolder, depth_map_path};
 pub(super) use durable::sync_folder;
 pub use folder::{Folder, Loaded, Written};
 pub use outcomes::{load_outcomes, save_outcomes};
 pub use record::{Act, Record};
-pub use versions::{cloud_path, next as next_version, publish, sparse_path, version_in_force, votes_path};
+pub use versions::{
+    cloud_path, depth_versions, next as next_version, publish_cloud, publish_depths, sparse_path, version_in_force,
+    votes_path,
+};

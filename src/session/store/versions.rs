@@ -1,23 +1,25 @@
 //! Files of results, kept under a number for as long as the project or its history refers to them, so that undo
 //! brings an earlier result back. The one in force also stands under its plain name.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
 use super::durable;
+use crate::frames::{DepthSource, Frame};
 use crate::session::{Edit, History, Project, ResultKind};
 
 /// Results that have files of their own.
-const KINDS: [ResultKind; 2] = [ResultKind::Cloud, ResultKind::Cameras];
+const KINDS: [ResultKind; 3] = [ResultKind::Cloud, ResultKind::Cameras, ResultKind::Depths];
 
 /// Plain name, and what stands before and after the number under `versions/`.
 const FILES: [(&str, &str, &str); 2] = [("cloud.ply", "cloud-", ".ply"), ("votes.bin", "votes-", ".bin")];
 
-/// What stands before the number of a sparse model's folder.
+/// What stands before the number of a sparse model's folder, and of one with depth maps.
 const SPARSE: &str = "sparse-";
+const DEPTHS: &str = "depths-";
 
 /// Earlier results of a kind beyond this many are not kept.
 const KEPT: usize = 4;
@@ -37,6 +39,11 @@ pub fn sparse_path(root: &Path, version: u64) -> PathBuf {
     root.join(format!("versions/{SPARSE}{version}"))
 }
 
+/// Where a version of the depth maps lies, below the project's folder: a folder with a file per frame.
+pub(super) fn depths_path(version: u64) -> PathBuf {
+    PathBuf::from(format!("versions/{DEPTHS}{version}"))
+}
+
 /// A number that neither a file nor the project nor its history has; makes the folder.
 ///
 /// # Errors
@@ -48,11 +55,11 @@ pub fn next(root: &Path, project: &Project, history: &History) -> Result<u64> {
     Ok(on_disk.max(named).unwrap_or(0) + 1)
 }
 
-/// Puts the files of the version in force (`None` = there is no result) under their plain names.
+/// Puts the cloud's files of the version in force (`None` = there is no cloud) under their plain names.
 ///
 /// # Errors
 /// When a file cannot be put in place.
-pub fn publish(root: &Path, version: Option<u64>) -> Result<()> {
+pub fn publish_cloud(root: &Path, version: Option<u64>) -> Result<()> {
     let mut changed = false;
     for (plain, before, after) in FILES {
         let place = root.join(plain);
@@ -67,6 +74,46 @@ pub fn publish(root: &Path, version: Option<u64>) -> Result<()> {
         changed = true;
     }
     if changed { durable::sync_folder(root) } else { Ok(()) }
+}
+
+/// Puts the depth maps that frames have now under `depths/`, by the frames' names, and takes away those that it put there
+/// before. Other files in that folder are left alone.
+///
+/// # Errors
+/// When a file cannot be put in place.
+pub fn publish_depths(root: &Path, frames: &[Frame]) -> Result<()> {
+    let folder = root.join("depths");
+    let made = |frame: &Frame| match &frame.depth {
+        Some(DepthSource::Made { made, .. }) => Some((depth_file(&frame.name), root.join(made))),
+        _ => None,
+    };
+    let wanted: BTreeMap<String, PathBuf> = frames.iter().filter_map(made).collect();
+    let maps: Vec<PathBuf> = depth_versions(root).map(|version| root.join(depths_path(version)).join("maps")).collect();
+    for frame in frames {
+        let name = depth_file(&frame.name);
+        let place = folder.join(&name);
+        if !wanted.contains_key(&name) && maps.iter().any(|maps| is_same(&maps.join(&name), &place)) {
+            fs::remove_file(&place).with_context(|| durable::cannot_write(&place))?;
+        }
+    }
+    for (name, source) in wanted {
+        let place = folder.join(name);
+        if source.exists() && !is_same(&source, &place) {
+            durable::make_folder(place.parent().unwrap_or(&folder))?;
+            link(&source, &place).with_context(|| durable::cannot_write(&place))?;
+        }
+    }
+    Ok(())
+}
+
+/// The numbers of all folders with depth maps, the newest first.
+pub fn depth_versions(root: &Path) -> impl Iterator<Item = u64> {
+    numbers(root, ResultKind::Depths).into_iter().rev()
+}
+
+/// The file of a frame's depth map, below the folder of all.
+pub(super) fn depth_file(frame: &str) -> String {
+    format!("{frame}.tiff")
 }
 
 fn is_same(a: &Path, b: &Path) -> bool {
@@ -108,11 +155,13 @@ fn collect_kind(root: &Path, project: &Project, history: &History, kind: ResultK
 }
 
 fn remove(root: &Path, version: u64, kind: ResultKind) {
-    if kind == ResultKind::Cameras {
-        let _ = fs::remove_dir_all(sparse_path(root, version));
-    } else {
-        let _ = fs::remove_file(cloud_path(root, version));
-        let _ = fs::remove_file(votes_path(root, version));
+    match kind {
+        ResultKind::Cameras => drop(fs::remove_dir_all(sparse_path(root, version))),
+        ResultKind::Depths => drop(fs::remove_dir_all(root.join(depths_path(version)))),
+        ResultKind::Cloud | ResultKind::Tracking => {
+            let _ = fs::remove_file(cloud_path(root, version));
+            let _ = fs::remove_file(votes_path(root, version));
+        }
     }
 }
 
@@ -122,13 +171,22 @@ pub fn version_in_force(project: &Project, kind: ResultKind) -> Option<u64> {
 }
 
 fn referred(project: &Project, history: &History, kind: ResultKind) -> BTreeSet<u64> {
+    let of_depth = |depth: &Option<DepthSource>| match depth {
+        Some(DepthSource::Made { made, .. }) if kind == ResultKind::Depths => {
+            made.iter().nth(1)?.to_str()?.strip_prefix(DEPTHS)?.parse().ok()
+        }
+        _ => None,
+    };
     let of_edit = |edit: &Edit| match edit {
         Edit::SetResult { kind: of, record: Some(record) } if *of == kind => Some(record.version),
+        Edit::SetDepth { depth, .. } => of_depth(depth),
+        Edit::SetFrame { value, .. } => of_depth(&value.depth),
         _ => None,
     };
     let (steps, _) = history.steps();
     let changes = steps.flat_map(|step| &step.changes).flat_map(|change| [&change.edit, &change.inverse]);
-    let named = changes.filter_map(of_edit).chain(version_in_force(project, kind));
+    let now = project.frames.iter().filter_map(|frame| of_depth(&frame.depth));
+    let named = changes.filter_map(of_edit).chain(version_in_force(project, kind)).chain(now);
     named.filter(|&version| version > 0).collect()
 }
 
@@ -136,6 +194,7 @@ fn numbers(root: &Path, kind: ResultKind) -> BTreeSet<u64> {
     let Ok(entries) = fs::read_dir(root.join("versions")) else { return BTreeSet::new() };
     let number = |name: &str| match kind {
         ResultKind::Cameras => name.strip_prefix(SPARSE)?.parse().ok(),
+        ResultKind::Depths => name.strip_prefix(DEPTHS)?.parse().ok(),
         _ => FILES.iter().find_map(|(_, before, after)| name.strip_prefix(before)?.strip_suffix(after)?.parse().ok()),
     };
     entries.flatten().filter_map(|entry| number(entry.file_name().to_str()?)).collect()

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::making::{anchor, camera, frame, label, mask, project, record, tracked};
-use crate::frames::FrameSet;
+use crate::frames::{DepthSource, FrameSet};
 use crate::masks::{Click, LabelId, Prompt};
 use crate::session::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind};
 
@@ -54,6 +54,10 @@ pub fn any_edit() -> impl Strategy<Value = Edit> {
             .prop_map(|(frames, stale)| Edit::SetStale { frames, stale }),
         (number.clone(), proptest::option::of(-1.0..1.0))
             .prop_map(|(frame, shift)| Edit::SetCamera { frame, camera: shift.map(camera) }),
+        (number.clone(), proptest::option::of(0.0..2.0)).prop_map(|(frame, scale)| Edit::SetDepth {
+            frame,
+            depth: scale.map(|scale| DepthSource::Made { made: "versions/depths-1/a.tiff".into(), scale }),
+        }),
         "[c-f]{1}".prop_map(|name| Edit::AddFrames { frames: vec![frame(&name)] }),
         (0usize..8).prop_map(|keep| Edit::DropFrames { keep }),
         (number, 4u32..6).prop_map(|(at, width)| {
@@ -112,6 +116,8 @@ fn what_cannot_be_is_refused() {
         Edit::SetPrompt { frame: 0, label: LabelId(1), prompt: Some(prompt(f64::NAN)) },
         Edit::SetPrompt { frame: 0, label: LabelId(1), prompt: Some(Prompt::default()) },
         Edit::SetCamera { frame: 0, camera: Some(camera(f64::INFINITY)) },
+        Edit::SetDepth { frame: 0, depth: Some(DepthSource::Made { made: "../outside.tiff".into(), scale: 1.0 }) },
+        Edit::SetDepth { frame: 0, depth: Some(DepthSource::Made { made: "a.tiff".into(), scale: 0.0 }) },
         Edit::AddFrames { frames: vec![frame("../outside.png")] },
         Edit::AddFrames { frames: vec![frame("a/0.png")] },
         Edit::AddFrames { frames: vec![frame("/outside.png")] },

@@ -18,6 +18,8 @@ pub struct Mapped {
     pub start: Start,
     /// Images that were tried and refused.
     pub refused: BTreeMap<u32, Refusal>,
+    /// Whether it was stopped before every image had been tried.
+    pub stopped: bool,
 }
 
 /// Focal lengths, relative to the guess, with which a start is tried where nothing is known of a camera.
@@ -25,15 +27,20 @@ const FOCAL_FACTORS: [f64; 5] = [1.0, 0.7, 1.4, 0.5, 2.0];
 
 /// Incremental structure from motion: places images one after the other, and makes another model of those left over as
 /// long as that is possible. The largest model comes first; where poses are given, theirs (Schönberger & Frahm,
-/// "Structure-from-Motion Revisited", CVPR 2016).
+/// "Structure-from-Motion Revisited", CVPR 2016). Stopped, it gives what it has.
 ///
 /// # Errors
-/// [`Stopped`]
+/// [`Stopped`] before anything was placed.
 pub fn map(problem: &MapProblem, options: &MapperOptions, progress: &Progress) -> Result<Vec<Mapped>, Stopped> {
     let links = Correspondences::new(problem);
     let mut closed = vec![false; problem.images.len()];
-    let mut models = Vec::new();
-    while let Some(mapped) = best_start(problem, &links, options, &closed, progress)? {
+    let mut models: Vec<Mapped> = Vec::new();
+    loop {
+        let mapped = match best_start(problem, &links, options, &closed, progress) {
+            Ok(Some(mapped)) => mapped,
+            Err(stopped) if models.is_empty() => return Err(stopped),
+            Ok(None) | Err(Stopped) => break,
+        };
         for image in mapped.model.placed() {
             closed[image as usize] = true;
         }
@@ -57,14 +64,20 @@ fn best_start(
     let unknown = problem.cameras.iter().any(|camera| camera.source == IntrinsicsSource::Guessed);
     let mut best: Option<Mapped> = None;
     for factor in FOCAL_FACTORS {
-        let grown = one_model(problem, links, options, closed, factor, progress)?;
+        let grown = match one_model(problem, links, options, closed, factor, progress) {
+            Err(stopped) if best.is_none() => return Err(stopped),
+            grown => grown.ok().flatten(),
+        };
         let placed = |mapped: &Option<Mapped>| mapped.as_ref().map_or(0, |mapped| mapped.model.placed().count());
         if placed(&grown) > placed(&best) {
             best = grown;
         }
-        if !unknown || 2 * placed(&best) >= could {
+        if !unknown || 2 * placed(&best) >= could || progress.check().is_err() {
             break;
         }
+    }
+    if let Some(best) = &mut best {
+        best.stopped |= progress.check().is_err();
     }
     let (images, points) = (options.min_model_images, options.min_model_points);
     Ok(best.filter(|Mapped { model, .. }| model.placed().count() >= images && model.points().count() >= points))
@@ -98,6 +111,7 @@ fn one_model(
             mapper.focal_known[problem.images[image as usize].camera] = true;
         }
     }
-    let refused = mapper.grow()?;
-    Ok(Some(Mapped { model: mapper.model, start, refused }))
+    let grown = mapper.grow();
+    let stopped = grown.is_err();
+    Ok(Some(Mapped { model: mapper.model, start, refused: grown.unwrap_or_default(), stopped }))
 }

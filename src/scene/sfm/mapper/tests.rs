@@ -182,6 +182,26 @@ fn given_poses_stay_and_the_rest_is_placed_beside_them() {
 }
 
 #[test]
+fn stopped_it_keeps_what_it_placed() {
+    let made = Made::new(&RING, 7);
+    let progress = Progress::default();
+    let watched = progress.clone();
+    let watch = std::thread::spawn(move || {
+        while watched.report().done < 8 {
+            std::thread::yield_now();
+        }
+        watched.stop();
+    });
+    let models = map(&made.problem, &MapperOptions::default(), &progress).unwrap();
+    watch.join().unwrap();
+    let placed = models[0].model.placed().count();
+    assert!(models.len() == 1 && models[0].stopped && (8..30).contains(&placed), "{placed} placed");
+    let (centre, rotation) = made.errors(&models[0]);
+    assert!(centre < 1e-2 && rotation < 0.2, "centre {centre:.2e}, rotation {rotation:.3}°");
+    assert!(map(&made.problem, &MapperOptions::default(), &progress).is_err(), "stopped before anything was placed");
+}
+
+#[test]
 fn an_image_of_another_place_is_refused() {
     let mut made = Made::new(&Recipe { outliers: 0.0, ..RING }, 4);
     let mut rng = Pcg64Mcg::seed_from_u64(9);

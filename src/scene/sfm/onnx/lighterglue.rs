@@ -10,15 +10,21 @@ pub struct LighterGlueOptions {
     /// Keypoints of a picture that are looked at, the first (an extractor gives the strongest first); time grows
     /// with its square.
     pub most: usize,
+    /// Keypoints that are looked at before, where there are more: pictures of which hardly any of these match do not
+    /// overlap and are not looked at further.
+    pub first_look: usize,
     /// Least score of a match, 0..1.
     pub least_score: f32,
 }
 
 impl Default for LighterGlueOptions {
     fn default() -> Self {
-        Self { most: 2048, least_score: 0.1 }
+        Self { most: 1024, first_look: 512, least_score: 0.1 }
     }
 }
+
+/// Matches at a first look below which two pictures do not overlap.
+const OVERLAPPING: usize = 10;
 
 /// Matches the keypoints of [`super::XFeat`] by a network that looks at both pictures as wholes.
 ///
@@ -39,32 +45,10 @@ impl LighterGlue {
         Ok(Self { network: load_only(folder, "lighterglue")?, options })
     }
 
-    fn run(&self, first: &[Tensor; 2], second: &[Tensor; 2]) -> Result<Vec<Tensor>, NnError> {
-        self.network.run(&[("kpts0", &first[0]), ("kpts1", &second[0]), ("desc0", &first[1]), ("desc1", &second[1])])
-    }
-
-    fn fed(&self, features: &Features) -> Result<[Tensor; 2], FeatureError> {
-        let Descriptors::Floats { dim: DIM, values } = &features.descriptors else {
-            return Err(FeatureError::Kinds("LighterGlue matches the descriptors of XFeat only".to_owned()));
-        };
-        let count = features.keypoints.len().min(self.options.most);
-        let half = glam::DVec2::new(f64::from(features.width), f64::from(features.height)) / 2.0;
-        let placed = features.keypoints[..count].iter().map(|&at| (at - half) / half.max_element());
-        let positions = placed.flat_map(|at| [at.x as f32, at.y as f32]).collect();
-        let failed = |error: NnError| FeatureError::Network(error.to_string());
-        let positions = Tensor::floats(&[1, count, 2], positions).map_err(failed)?;
-        let described = Tensor::floats(&[1, count, DIM], values[..count * DIM].to_vec()).map_err(failed)?;
-        Ok([positions, described])
-    }
-}
-
-impl FeatureMatcher for LighterGlue {
-    fn name(&self) -> &'static str {
-        "lighterglue"
-    }
-
-    fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError> {
-        let (first, second) = (self.fed(first)?, self.fed(second)?);
+    /// Matches of the first `most` keypoints of both.
+    fn matched(&self, both: [&Features; 2], most: usize) -> Result<Vec<(u32, u32)>, FeatureError> {
+        let [first, second] = both.map(|features| fed(features, most));
+        let (first, second) = (first?, second?);
         let counts = [&first, &second].map(|fed| fed[0].shape()[1]);
         if counts.contains(&0) {
             return Ok(Vec::new());
@@ -80,5 +64,42 @@ impl FeatureMatcher for LighterGlue {
         let mut matches: Vec<(u32, u32)> = known.collect();
         matches.sort_unstable();
         Ok(matches)
+    }
+
+    fn run(&self, first: &[Tensor; 2], second: &[Tensor; 2]) -> Result<Vec<Tensor>, NnError> {
+        self.network.run(&[("kpts0", &first[0]), ("kpts1", &second[0]), ("desc0", &first[1]), ("desc1", &second[1])])
+    }
+}
+
+/// Positions and descriptors of the first `most` keypoints as the network takes them.
+fn fed(features: &Features, most: usize) -> Result<[Tensor; 2], FeatureError> {
+    let Descriptors::Floats { dim: DIM, values } = &features.descriptors else {
+        return Err(FeatureError::Kinds("LighterGlue matches the descriptors of XFeat only".to_owned()));
+    };
+    let count = features.keypoints.len().min(most);
+    let half = glam::DVec2::new(f64::from(features.width), f64::from(features.height)) / 2.0;
+    let placed = features.keypoints[..count].iter().map(|&at| (at - half) / half.max_element());
+    let positions = placed.flat_map(|at| [at.x as f32, at.y as f32]).collect();
+    let failed = |error: NnError| FeatureError::Network(error.to_string());
+    let positions = Tensor::floats(&[1, count, 2], positions).map_err(failed)?;
+    let described = Tensor::floats(&[1, count, DIM], values[..count * DIM].to_vec()).map_err(failed)?;
+    Ok([positions, described])
+}
+
+impl FeatureMatcher for LighterGlue {
+    fn name(&self) -> &'static str {
+        "lighterglue"
+    }
+
+    fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError> {
+        let LighterGlueOptions { most, first_look, .. } = self.options;
+        let fewer = first.keypoints.len().min(second.keypoints.len()).min(most);
+        if fewer > first_look {
+            let glanced = self.matched([first, second], first_look)?;
+            if glanced.len() < OVERLAPPING {
+                return Ok(glanced);
+            }
+        }
+        self.matched([first, second], most)
     }
 }

@@ -1,6 +1,6 @@
 //! Learned features: keypoints and matches from networks.
 //!
-//! May use: engine::nn, glam, rayon. Must not touch: files, cameras.
+//! May use: engine::nn, glam, rayon; of `sift` what tells bars beside a picture. Must not touch: files, cameras.
 
 mod heat;
 mod lighterglue;

@@ -6,6 +6,7 @@ use super::heat::{CELL, Heat};
 use super::prepared::Prepared;
 use super::sampled::{Sampled, normalise};
 use crate::engine::nn::{Network, NnError, Tensor, load};
+use crate::scene::sfm::sift::Content;
 use crate::scene::sfm::{Descriptors, FeatureError, FeatureExtractor, Features};
 
 /// Settings of [`XFeat`].
@@ -36,6 +37,9 @@ pub struct XFeat {
 
 /// Values of a descriptor.
 pub const DIM: usize = 64;
+/// Radius of the surroundings that count most for a descriptor, in pixels of the picture that the network sees: two of
+/// its cells.
+const AROUND: f32 = 2.0 * CELL as f32;
 
 impl XFeat {
     /// The network `xfeat` of a folder of networks.
@@ -92,7 +96,9 @@ impl FeatureExtractor for XFeat {
             self.run(&shown).map_err(|error| FeatureError::Network(error.to_string()))?;
         let heat = Heat::from_logits(logits.as_floats(), columns, rows);
         let reliability = Sampled::new(reliability.as_floats(), 1, columns, rows);
-        let found = self.strongest(&heat, &reliability, &shown, &Allowed { mask: allowed, width, height });
+        let around = AROUND * shown.original_from_here.max_element() as f32;
+        let allowed = Allowed { mask: allowed, width, height, content: Content::of(grey, width, height), around };
+        let found = self.strongest(&heat, &reliability, &shown, &allowed);
         let described = Sampled::new(described.as_floats(), DIM, columns, rows).normalised();
         Ok(Features {
             width: width as u32,
@@ -115,12 +121,15 @@ struct Allowed<'a> {
     mask: Option<&'a [bool]>,
     width: usize,
     height: usize,
+    content: Content,
+    /// Radius of the surroundings that a keypoint is described by, in pixels of the picture.
+    around: f32,
 }
 
 impl Allowed<'_> {
     fn at(&self, px: DVec2) -> bool {
         let (x, y) = ((px.x as usize).min(self.width - 1), (px.y as usize).min(self.height - 1));
-        self.mask.is_none_or(|mask| mask[y * self.width + x])
+        self.mask.is_none_or(|mask| mask[y * self.width + x]) && self.content.holds(px.as_vec2(), self.around)
     }
 }
 

@@ -12,7 +12,7 @@ const LEAST_CONTENT: f32 = 0.5;
 /// The part of a picture inside near-black bars at its sides; features whose surroundings touch the bars would stand
 /// still where the scene moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Content {
+pub(in crate::scene::sfm) struct Content {
     /// First and past-the-last column; infinitely far where there is no bar.
     pub columns: (f32, f32),
     /// First and past-the-last row.

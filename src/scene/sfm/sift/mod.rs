@@ -20,6 +20,7 @@ mod rows;
 mod shrink;
 mod strongest;
 
+pub(super) use borders::Content;
 pub use extract::extract_sift;
 pub use keypoint::{SiftFeatures, SiftKeypoint};
 pub use options::SiftOptions;

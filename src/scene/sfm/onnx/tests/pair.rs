@@ -95,6 +95,34 @@ fn only_allowed_pixels_get_keypoints_and_the_strongest_come_first() {
 }
 
 #[test]
+fn black_bars_beside_a_picture_get_no_keypoints() {
+    let (Some(models), Some(data)) = (networks(), given("OSTRA_DATA", "../shared/data")) else { return };
+    let mut view = View::read(&data.join("dtu_scan24"), 0);
+    let is_bar = |column: usize| !(100..700).contains(&column);
+    view.grey.iter_mut().enumerate().filter(|(at, _)| is_bar(at % view.width)).for_each(|(_, value)| *value = 0.0);
+    let found = features(&xfeat(&models, XFeatOptions::default()), &view);
+    assert!(found.keypoints.len() > 500, "{}", found.keypoints.len());
+    assert!(found.keypoints.iter().all(|at| (116.0..=684.0).contains(&at.x)));
+}
+
+#[test]
+fn pictures_that_share_nothing_are_only_glanced_at() {
+    let (Some(models), Some(data)) = (networks(), given("OSTRA_DATA", "../shared/data")) else { return };
+    let xfeat = xfeat(&models, XFeatOptions::default());
+    let [first, second] = [0, 3].map(|index| features(&xfeat, &View::read(&data.join("dtu_scan24"), index)));
+    let other = features(&xfeat, &View::read(&data.join("strecha_fountain_P11"), 0));
+    let matched = |options: LighterGlueOptions, second: &Features| {
+        LighterGlue::load(&models, options).unwrap().matches(&first, second).unwrap()
+    };
+    let (glance, whole) =
+        (LighterGlueOptions::default(), LighterGlueOptions { first_look: 1024, ..Default::default() });
+    assert_eq!(matched(glance, &second), matched(whole, &second));
+    assert!(matched(glance, &second).len() > 20);
+    // The few matches of the first look are among its keypoints, which are the strongest.
+    assert!(matched(glance, &other).iter().all(|&(a, b)| a.max(b) < glance.first_look as u32));
+}
+
+#[test]
 fn a_shrunk_picture_tells_positions_in_its_own_pixels() {
     let (Some(models), Some(data)) = (networks(), given("OSTRA_DATA", "../shared/data")) else { return };
     let view = View::read(&data.join("dtu_scan24"), 20);

@@ -1,0 +1,10 @@
+//! Another attempt at pictures that no model holds: they are tilted, matched and mapped again.
+//!
+//! May use: features, matching, verification, `tilted`, the mapper. Must not touch: cameras of frames, the account.
+
+mod attempt;
+mod look_again;
+#[cfg(test)]
+mod tests;
+
+pub(super) use attempt::{Attempt, second_chance};

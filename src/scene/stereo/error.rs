@@ -1,0 +1,23 @@
+use crate::engine::job::Stopped;
+use crate::scene::SceneError;
+use crate::scene::sfm::{FeatureError, SfmError};
+
+/// What ends stereo as a whole; what concerns one view is its [`super::ViewOutcome`].
+#[derive(Debug, thiserror::Error)]
+pub enum StereoError {
+    /// Features or matches for the sparse points could not be made.
+    #[error(transparent)]
+    Sfm(#[from] SfmError),
+    /// Something is asked for that the input cannot give, or a result could not be kept.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The user stopped it.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
+}
+
+impl From<FeatureError> for StereoError {
+    fn from(error: FeatureError) -> Self {
+        Self::Sfm(SfmError::Feature(error))
+    }
+}

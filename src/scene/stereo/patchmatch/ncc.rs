@@ -1,0 +1,177 @@
+use pulp::{NullaryFnOnce, Simd};
+
+use super::plane::Plane;
+use super::texture::Texture;
+use super::window::{NOISE, Patch, TAPS, Window};
+
+/// Cost of a hypothesis that cannot be compared.
+pub const WORST: f32 = 2.0;
+/// Adding and taking away this rounds a float between −2²² and 2²² to an integer.
+const ROUNDING: f32 = 12_582_912.0;
+/// Added to an integer below 2²³, its lowest bits are the integer.
+const COUNTING: f32 = 8_388_608.0;
+/// Those bits.
+const COUNTING_MASK: u32 = 0x7F_FFFF;
+
+/// The way from pixels of one view into another: `(x, y, 1)` at inverse depth `w` is seen at
+/// `matrix · (x, y, 1) + w · offset`, in homogeneous pixel indices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Transfer {
+    /// Columns of the matrix.
+    pub matrix: [[f32; 3]; 3],
+    /// Where the viewing camera's centre is seen.
+    pub offset: [f32; 3],
+}
+
+impl Transfer {
+    /// Homogeneous position of a pixel at inverse depth `w`.
+    #[inline(always)]
+    pub fn apply(&self, x: f32, y: f32, w: f32) -> [f32; 3] {
+        let [a, b, c] = &self.matrix;
+        std::array::from_fn(|i| a[i] * x + b[i] * y + c[i] + self.offset[i] * w)
+    }
+
+    /// The plane's homography around a pixel: position, and change per pixel to the right and down.
+    #[inline(always)]
+    fn homography(&self, plane: Plane, x: f32, y: f32) -> [[f32; 3]; 3] {
+        let [a, b] = plane.slope;
+        let right = std::array::from_fn(|i| self.matrix[0][i] + a * self.offset[i]);
+        let down = std::array::from_fn(|i| self.matrix[1][i] + b * self.offset[i]);
+        [self.apply(x, y, plane.inverse_depth), right, down]
+    }
+}
+
+/// `1 − NCC` between a patch and where its plane is seen in a source picture, 0–2 (bilateral weights as in J. Schönberger
+/// et al., *Pixelwise View Selection for Unstructured Multi-View Stereo*, ECCV 2016); [`WORST`] where the centre is not
+/// seen. A little noise is added to both variances, so that flat patches are like nothing.
+#[inline(always)]
+pub fn cost<S: Simd>(
+    simd: S,
+    window: &Window,
+    patch: &Patch,
+    (plane, x, y): (Plane, f32, f32),
+    transfer: &Transfer,
+    texture: &Texture,
+) -> f32 {
+    simd.vectorize(Comparison { simd, window, patch, homography: transfer.homography(plane, x, y), texture })
+}
+
+/// One comparison, compiled once for the processor at hand.
+struct Comparison<'a, S> {
+    simd: S,
+    window: &'a Window,
+    patch: &'a Patch,
+    homography: [[f32; 3]; 3],
+    texture: &'a Texture,
+}
+
+impl<S: Simd> NullaryFnOnce for Comparison<'_, S> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn call(self) -> f32 {
+        compare(&self)
+    }
+}
+
+#[inline(always)]
+fn compare<S: Simd>(comparison: &Comparison<'_, S>) -> f32 {
+    let &Comparison { simd, window, patch, ref homography, texture } = comparison;
+    let [u, v, z] = homography[0];
+    let (right, bottom) = ((texture.width - 1) as f32, (texture.height - 1) as f32);
+    // One comparison for all five conditions.
+    let inside = u.min(v).min(right * z - u).min(bottom * z - v).min(z - 1e-6);
+    if inside < 0.0 {
+        return WORST;
+    }
+    let (mut index, mut share_x, mut share_y) = ([0u32; TAPS], [0.0f32; TAPS], [0.0f32; TAPS]);
+    locate(simd, window, homography, texture, (&mut index, &mut share_x, &mut share_y));
+    let mut quads = [0u32; TAPS];
+    for (quad, &index) in quads.iter_mut().zip(&index) {
+        *quad = texture.quads[index as usize];
+    }
+    correlate(simd, patch, &quads, &share_x, &share_y)
+}
+
+/// Which texels the taps lie between, and how far towards the right and lower one.
+#[inline(always)]
+fn locate<S: Simd>(
+    simd: S,
+    window: &Window,
+    [at, right, down]: &[[f32; 3]; 3],
+    texture: &Texture,
+    (index, share_x, share_y): (&mut [u32; TAPS], &mut [f32; TAPS], &mut [f32; TAPS]),
+) {
+    let (x0, y0, z0) = (simd.splat_f32s(at[0]), simd.splat_f32s(at[1]), simd.splat_f32s(at[2]));
+    let (x1, y1, z1) = (simd.splat_f32s(right[0]), simd.splat_f32s(right[1]), simd.splat_f32s(right[2]));
+    let (x2, y2, z2) = (simd.splat_f32s(down[0]), simd.splat_f32s(down[1]), simd.splat_f32s(down[2]));
+    let last_x = simd.splat_f32s((texture.width - 1) as f32);
+    let last_y = simd.splat_f32s((texture.height - 1) as f32);
+    let (one, least) = (simd.splat_f32s(1.0), simd.splat_f32s(1e-6));
+    let (counting, mask) = (simd.splat_f32s(COUNTING), simd.splat_u32s(COUNTING_MASK));
+    let stride = simd.splat_f32s(texture.width as f32);
+    let ((dx, _), (dy, _)) = (S::as_simd_f32s(&window.dx), S::as_simd_f32s(&window.dy));
+    let (index, _) = S::as_mut_simd_u32s(index);
+    let ((share_x, _), (share_y, _)) = (S::as_mut_simd_f32s(share_x), S::as_mut_simd_f32s(share_y));
+    for k in 0..dx.len() {
+        let x = simd.mul_add_e_f32s(dy[k], x2, simd.mul_add_e_f32s(dx[k], x1, x0));
+        let y = simd.mul_add_e_f32s(dy[k], y2, simd.mul_add_e_f32s(dx[k], y1, y0));
+        let z = simd.mul_add_e_f32s(dy[k], z2, simd.mul_add_e_f32s(dx[k], z1, z0));
+        let scale = simd.div_f32s(one, simd.max_f32s(z, least));
+        let (column, part_x) = split(simd, simd.mul_f32s(x, scale), last_x);
+        let (row, part_y) = split(simd, simd.mul_f32s(y, scale), last_y);
+        (share_x[k], share_y[k]) = (part_x, part_y);
+        let place = simd.add_f32s(simd.mul_add_e_f32s(row, stride, column), counting);
+        index[k] = simd.and_u32s(simd.transmute_u32s_f32s(place), mask);
+    }
+}
+
+/// A position, kept within the picture, as the texel below it and the share of the way to the next.
+#[inline(always)]
+fn split<S: Simd>(simd: S, at: S::f32s, last: S::f32s) -> (S::f32s, S::f32s) {
+    let at = simd.min_f32s(simd.max_f32s(at, simd.splat_f32s(0.0)), last);
+    let rounding = simd.splat_f32s(ROUNDING);
+    let below = simd.sub_f32s(simd.add_f32s(simd.sub_f32s(at, simd.splat_f32s(0.5)), rounding), rounding);
+    (below, simd.sub_f32s(at, below))
+}
+
+/// The integers in the lowest 8 bits as floats.
+#[inline(always)]
+fn float<S: Simd>(simd: S, bits: S::u32s) -> S::f32s {
+    let byte = simd.and_u32s(bits, simd.splat_u32s(0xFF));
+    let counted = simd.transmute_f32s_u32s(simd.or_u32s(byte, simd.splat_u32s(COUNTING.to_bits())));
+    simd.sub_f32s(counted, simd.splat_f32s(COUNTING))
+}
+
+/// `1 − NCC` of a patch with bilinear samples.
+#[inline(always)]
+fn correlate<S: Simd>(
+    simd: S,
+    patch: &Patch,
+    quads: &[u32; TAPS],
+    share_x: &[f32; TAPS],
+    share_y: &[f32; TAPS],
+) -> f32 {
+    let (quads, _) = S::as_simd_u32s(quads);
+    let ((share_x, _), (share_y, _)) = (S::as_simd_f32s(share_x), S::as_simd_f32s(share_y));
+    let ((weights, _), (weighted, _)) = (S::as_simd_f32s(&patch.weights), S::as_simd_f32s(&patch.weighted));
+    let (by_8, by_16, by_24) = (simd.splat_u32s(8), simd.splat_u32s(16), simd.splat_u32s(24));
+    let zero = simd.splat_f32s(0.0);
+    let (mut mean, mut square, mut cross) = (zero, zero, zero);
+    for k in 0..quads.len() {
+        let (a, b) = (float(simd, quads[k]), float(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_8)));
+        let c = float(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_16));
+        let d = float(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_24));
+        let above = simd.mul_add_e_f32s(share_x[k], simd.sub_f32s(b, a), a);
+        let below = simd.mul_add_e_f32s(share_x[k], simd.sub_f32s(d, c), c);
+        let value = simd.mul_add_e_f32s(share_y[k], simd.sub_f32s(below, above), above);
+        let heavy = simd.mul_f32s(weights[k], value);
+        mean = simd.add_f32s(mean, heavy);
+        square = simd.mul_add_e_f32s(heavy, value, square);
+        cross = simd.mul_add_e_f32s(weighted[k], value, cross);
+    }
+    let (mean, square) = (simd.reduce_sum_f32s(mean), simd.reduce_sum_f32s(square));
+    let cross = simd.reduce_sum_f32s(cross);
+    let variance = (square - mean * mean).max(0.0);
+    1.0 - cross / ((patch.variance + NOISE) * (variance + NOISE)).sqrt()
+}

@@ -1,0 +1,50 @@
+use serde::{Deserialize, Serialize};
+
+/// How PatchMatch looks for depth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PatchMatchOptions {
+    /// The coarsest level's longer side is at least this, 32–1024 pixels.
+    pub coarsest_px: u32,
+    /// Iterations at the coarsest level, 1–20.
+    pub coarse_iterations: u32,
+    /// Iterations at every finer level, 1–20.
+    pub fine_iterations: u32,
+    /// Iterations of a round with geometric consistency, 1–20.
+    pub geometric_iterations: u32,
+    /// Cost per pixel of forward-backward error, 0–1.
+    pub geometric_weight: f32,
+    /// Forward-backward errors above this count as this, 0.5–10 pixels.
+    pub max_geometric_px: f32,
+    /// Planes seen at a flatter angle than this cosine are not tried, 0.02–0.9.
+    pub min_facing: f32,
+    /// Source views that the cost of a pixel is averaged over at most, 1–8.
+    pub best_views: usize,
+    /// Depths drawn anew per pixel and iteration at finer levels, and as many planes from farther off, 0–8.
+    pub restarts: u32,
+    /// Hypotheses that differ by less than this are compared once, 0–1 pixels.
+    pub alike_px: f32,
+    /// Pixels around which grey (0–255) varies less than this are left out, 0–100.
+    pub min_variance: f32,
+    /// For the random hypotheses.
+    pub seed: u32,
+}
+
+impl Default for PatchMatchOptions {
+    fn default() -> Self {
+        Self {
+            coarsest_px: 120,
+            coarse_iterations: 6,
+            fine_iterations: 3,
+            geometric_iterations: 1,
+            geometric_weight: 0.1,
+            max_geometric_px: 3.0,
+            min_facing: 0.12,
+            best_views: 3,
+            restarts: 1,
+            alike_px: 0.2,
+            min_variance: 0.5,
+            seed: 0,
+        }
+    }
+}

@@ -1,0 +1,111 @@
+use std::sync::Arc;
+
+use super::field::Field;
+use super::hints::hints;
+use super::options::PatchMatchOptions;
+use super::picture::Picture;
+use super::plane::Plane;
+use super::start::{Parts, coarse_mask, finer_field, level, random_field};
+use super::sweep::{score, sweep};
+use super::visit::Turn;
+use crate::engine::job::{Progress, Stopped};
+
+/// What one view's depth is searched in.
+#[derive(Debug, Clone)]
+pub struct Search<'a> {
+    /// The view.
+    pub reference: &'a Picture,
+    /// Its sources, the best first; those beyond the eighth are not looked at.
+    pub sources: &'a [Arc<Picture>],
+    /// Smallest and largest depth along the optical axis, world units, above 0.
+    pub depth_range: [f64; 2],
+    /// Pixels (column, row) whose depth is known from sparse points.
+    pub seeds: &'a [(usize, usize, f32)],
+    /// Pixels to be worked on, row by row; `None` = all.
+    pub allowed: Option<&'a [bool]>,
+}
+
+/// The best plane of every pixel, row by row, and its cost, 0–2; no plane where nothing was searched.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Found {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// The planes.
+    pub planes: Vec<Plane>,
+    /// Their costs.
+    pub costs: Vec<f32>,
+}
+
+/// PatchMatch stereo of one view from coarse to fine, by the pictures alone (M. Bleyer, C. Rhemann, C. Rother,
+/// *PatchMatch Stereo*, BMVC 2011; checkerboard order and sampling of Q. Xu and W. Tao, CVPR 2019).
+///
+/// # Errors
+/// [`Stopped`].
+pub fn search(search: &Search<'_>, options: &PatchMatchOptions, progress: &Progress) -> Result<Found, Stopped> {
+    let parts = Parts::default();
+    let mut visit = 0;
+    let mut coarser: Option<Field> = None;
+    for number in (0..search.reference.levels.len()).rev() {
+        let masked = search.allowed.map(|allowed| coarse_mask(allowed, search.reference, number));
+        let level = level(search, number, options, &parts, masked.as_deref());
+        let iterations = if coarser.is_none() { options.coarse_iterations } else { options.fine_iterations };
+        let first_reach = if coarser.is_none() { 16.0 } else { 2.0 };
+        let mut field = match &coarser {
+            None => random_field(&level, search.seeds, number),
+            Some(coarser) => finer_field(&level, coarser),
+        };
+        score(&level, &mut field, progress)?;
+        for iteration in 0..iterations {
+            let reach = first_reach * 0.5f32.powi(iteration as i32);
+            let draws = if coarser.is_none() { 1 } else { options.restarts };
+            sweep(&level, &mut field, Turn { visit, iteration, reach, draws }, progress)?;
+            visit += 1;
+        }
+        coarser = Some(field);
+    }
+    Ok(coarser.map(|field| found(&field)).unwrap_or_default())
+}
+
+/// A round with geometric consistency: starts from an earlier round's planes and compares with those of the sources
+/// (`None` for a source that has none), which are hypotheses too where they are seen in the reference.
+///
+/// # Errors
+/// [`Stopped`].
+pub fn search_consistent(
+    search: &Search<'_>,
+    start: &Found,
+    others: &[Option<Arc<Found>>],
+    round: u32,
+    options: &PatchMatchOptions,
+    progress: &Progress,
+) -> Result<Found, Stopped> {
+    let parts = Parts::default();
+    let mut level = level(search, 0, options, &parts, search.allowed);
+    for ((source, picture), found) in level.sources.iter_mut().zip(search.sources).zip(others) {
+        let back = picture.transfer(search.reference, 0);
+        source.found = found.as_ref().map(|found| (Arc::clone(found), back));
+    }
+    level.hints = hints(search, start, others, level.step);
+    let mut field = Field::new(start.width, start.height);
+    for (at, &plane) in start.planes.iter().enumerate() {
+        field.set(at % start.width, at / start.width, plane, super::ncc::WORST);
+    }
+    score(&level, &mut field, progress)?;
+    for iteration in 0..options.geometric_iterations {
+        let visit = 64 * (round + 1) + iteration;
+        let reach = 0.5f32.powi((round + iteration) as i32);
+        sweep(&level, &mut field, Turn { visit, iteration: iteration + 2, reach, draws: 0 }, progress)?;
+    }
+    Ok(found(&field))
+}
+
+fn found(field: &Field) -> Found {
+    let (width, height) = (field.width, field.height);
+    let all = (0..width * height).map(|at| field.at(at % width, at / width));
+    let searched =
+        all.map(|(plane, cost)| if cost < super::ncc::WORST { (plane, cost) } else { (Plane::default(), cost) });
+    let (planes, costs) = searched.unzip();
+    Found { width, height, planes, costs }
+}

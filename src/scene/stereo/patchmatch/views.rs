@@ -1,0 +1,99 @@
+use super::level::MAX_SOURCES;
+
+/// Hypotheses compared when views are chosen: a pixel's own, one of each region, and one of another view.
+pub const COMPARED: usize = 10;
+/// A cost above this says that a view does not see the surface.
+const BAD: f32 = 1.2;
+
+/// How much each source counts at a pixel, and the sources that count, the heaviest first.
+#[derive(Debug, Clone, Copy)]
+pub struct ViewWeights {
+    /// Weight by source; their sum is 1.
+    pub weights: [f32; MAX_SOURCES],
+    /// Sources by falling weight.
+    pub order: [u8; MAX_SOURCES],
+    /// How many of them count.
+    pub count: usize,
+}
+
+/// Chooses views by the costs of several hypotheses together, so that all are compared over the same views (Xu and Tao,
+/// CVPR 2019): a view counts where more than a quarter of the hypotheses are good in it and less than a third bad.
+/// `times` says how often each hypothesis was met.
+#[inline(always)]
+pub fn choose_views(
+    costs: &[[f32; MAX_SOURCES]],
+    times: &[u32],
+    sources: usize,
+    good: f32,
+    best_views: usize,
+) -> ViewWeights {
+    let mut weights = [0.0; MAX_SOURCES];
+    let total: u32 = times.iter().sum();
+    for (source, weight) in weights.iter_mut().enumerate().take(sources) {
+        let (mut goods, mut bads, mut sum) = (0, 0, 0.0);
+        for (costs, &times) in costs.iter().zip(times) {
+            let cost = costs[source];
+            if cost < good {
+                goods += times;
+                sum += times as f32 * likelihood(cost);
+            }
+            bads += if cost > BAD { times } else { 0 };
+        }
+        if 4 * goods > total && 3 * bads < total {
+            *weight = sum / goods as f32;
+        }
+    }
+    if weights.iter().all(|&weight| weight <= 0.0) {
+        weights = nearest_two(costs, sources);
+    }
+    ranked(weights, sources, best_views)
+}
+
+/// `exp(−c² / (2 · 0.3²))` by its rational approximation.
+#[inline(always)]
+fn likelihood(cost: f32) -> f32 {
+    let x = cost * cost * (1.0 / 0.18);
+    let y = 1.0 + x * (0.25 + x * 0.031_25);
+    1.0 / (y * y * y * y)
+}
+
+/// The two views in which any hypothesis costs least.
+#[inline(always)]
+fn nearest_two(costs: &[[f32; MAX_SOURCES]], sources: usize) -> [f32; MAX_SOURCES] {
+    let mut weights = [0.0; MAX_SOURCES];
+    let mut least = [f32::INFINITY; MAX_SOURCES];
+    for source in 0..sources {
+        least[source] = costs.iter().fold(f32::INFINITY, |least, costs| least.min(costs[source]));
+    }
+    for _ in 0..2.min(sources) {
+        let mut best = 0;
+        for source in 1..sources {
+            best = if least[source] < least[best] { source } else { best };
+        }
+        (weights[best], least[best]) = (1.0, f32::INFINITY);
+    }
+    weights
+}
+
+#[inline(always)]
+fn ranked(mut weights: [f32; MAX_SOURCES], sources: usize, best_views: usize) -> ViewWeights {
+    let mut order = [0u8; MAX_SOURCES];
+    let mut left = weights;
+    let (mut count, mut sum) = (0, 0.0);
+    for _ in 0..best_views.min(sources) {
+        let mut best = 0;
+        for source in 1..sources {
+            best = if left[source] > left[best] { source } else { best };
+        }
+        if left[best] <= 0.0 {
+            break;
+        }
+        sum += left[best];
+        (order[count], left[best]) = (best as u8, 0.0);
+        count += 1;
+    }
+    for (weight, left) in weights.iter_mut().zip(left) {
+        *weight = if left > 0.0 { 0.0 } else { *weight / sum };
+    }
+    ViewWeights { weights, order, count }
+}

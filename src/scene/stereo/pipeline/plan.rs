@@ -1,0 +1,79 @@
+use std::collections::BTreeMap;
+
+use super::outcome::ViewOutcome;
+use super::pictures::Pictures;
+use super::run::StereoRequest;
+use crate::engine::job::Progress;
+use crate::scene::stereo::range::{depth_range, seen_points};
+use crate::scene::stereo::raster::raster_camera;
+use crate::scene::stereo::{SelectOptions, StereoError, select_sources};
+
+/// What a view's depth is made from.
+#[derive(Debug, Clone)]
+pub struct PlannedView {
+    /// Its frame number.
+    pub frame: usize,
+    /// The frames that it is compared with, the best first.
+    pub sources: Vec<usize>,
+    /// Depths to search.
+    pub depth_range: [f64; 2],
+    /// Pixels of the raster whose depth sparse points tell.
+    pub seeds: Vec<(usize, usize, f32)>,
+}
+
+/// The views that get depth, and what became of the others.
+#[derive(Debug, Default)]
+pub struct Planned {
+    /// By rising frame number.
+    pub views: Vec<PlannedView>,
+    /// By frame number.
+    pub outcomes: BTreeMap<usize, ViewOutcome>,
+}
+
+/// Chooses sources and depth ranges; views that cannot be read or compared are told apart.
+///
+/// # Errors
+/// [`StereoError::Stopped`].
+pub fn plan(
+    request: &StereoRequest<'_>,
+    pictures: &mut Pictures<'_>,
+    options: &SelectOptions,
+    progress: &Progress,
+) -> Result<Planned, StereoError> {
+    let mut planned = Planned::default();
+    let mut usable = Vec::new();
+    for (done, &number) in request.views.iter().enumerate() {
+        progress.step(done, request.views.len())?;
+        let outcome = match request.frames[number].posed_camera().map(|_| pictures.get(number)) {
+            None => ViewOutcome::NoCamera,
+            Some(Err(why)) => ViewOutcome::Unreadable { why },
+            Some(Ok(picture)) if picture.is_constant => ViewOutcome::Constant,
+            Some(Ok(_)) => {
+                usable.push(number);
+                continue;
+            }
+        };
+        planned.outcomes.insert(number, outcome);
+    }
+    let sources = select_sources(request.frames, &usable, request.sparse, options);
+    for (&number, sources) in usable.iter().zip(sources) {
+        let frame = &request.frames[number];
+        let points = seen_points(frame, number, request.sparse);
+        match depth_range(&points).filter(|_| !sources.is_empty()).zip(frame.posed_camera()) {
+            Some((depth_range, (lens, _))) => {
+                let raster = raster_camera(lens, pictures.max_side());
+                let ratio = f64::from(raster.width) / f64::from(lens.width);
+                let seeds = points.iter().map(|&(at_px, depth)| {
+                    let at = at_px * ratio;
+                    (at.x.max(0.0) as usize, at.y.max(0.0) as usize, depth as f32)
+                });
+                let sources = sources.iter().map(|source| source.frame).collect();
+                planned.views.push(PlannedView { frame: number, sources, depth_range, seeds: seeds.collect() });
+            }
+            None => {
+                planned.outcomes.insert(number, ViewOutcome::NothingShared { points: points.len() });
+            }
+        }
+    }
+    Ok(planned)
+}

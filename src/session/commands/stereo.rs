@@ -1,0 +1,196 @@
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Result, ensure};
+use sha2::{Digest, Sha256};
+
+use super::cameras::left_out;
+use crate::engine::job::Progress;
+use crate::frames::cameras::{ModelEncoding, SparsePoints, read_sparse_model, write_colmap_model};
+use crate::frames::{DepthSource, Frame, FrameStore};
+use crate::geometry::Camera;
+use crate::masks::LabelId;
+use crate::scene::sfm::{Sift, undistort_mask};
+use crate::scene::stereo::{
+    SparseOptions, StereoOptions, StereoRequest, ViewOutcome, estimate_depths, sparse_from_cameras,
+};
+use crate::session::engines::matcher;
+use crate::session::jobs::Link;
+use crate::session::store::{DepthAccount, DepthFolder, depth_map_path, depth_versions, load_sparse};
+use crate::session::{Edit, Project, ReconstructRequest, ResultKind, ResultRecord, Session};
+
+/// What stereo works on.
+pub(super) struct StereoWork {
+    pub project: Arc<Project>,
+    pub root: std::path::PathBuf,
+    pub store: Arc<FrameStore>,
+    pub request: ReconstructRequest,
+    /// Number of a new folder, where no earlier run can be gone on with.
+    pub version: u64,
+}
+
+/// Depth maps by stereo for the chosen frames. Stopped or killed, what it made so far lies on the disk, and a run that is
+/// asked for the same goes on from there; the depths that stood before stand until it is done.
+///
+/// # Errors
+/// Where no frame can have depth, a result cannot be kept, or it was stopped.
+pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
+    let begun = Instant::now();
+    let StereoWork { project, root, store, request, version } = work;
+    let views = chosen(&project.frames, &request)?;
+    let options = options(&request);
+    let key = key(&project, &views, &options, &request)?;
+    let version = unfinished(&root, &project, &key).unwrap_or(version);
+    let folder = DepthFolder::new(&root, version, &project.frames);
+    let mut account = DepthAccount { key, max_side: options.max_side, outcomes: None };
+    folder.save_account(&account)?;
+    let outcomes = estimate(&project, &root, &views, &folder, (&store, &request, &options), &link.progress)?;
+    let warnings = warnings(&project.frames, &outcomes);
+    account.outcomes = Some(outcomes);
+    folder.save_account(&account)?;
+    folder.finish();
+    let made: Vec<bool> = (0..project.frames.len()).map(|frame| folder.has(frame)).collect();
+    let record = ResultRecord {
+        engine: "stereo".into(),
+        frames: made.iter().filter(|&&made| made).count(),
+        seconds: begun.elapsed().as_secs_f64(),
+        stale: false,
+        settings: settings(&views, &made, &options),
+        version,
+    };
+    ensure!(record.frames > 0, "no frame got depth: {}", warnings.first().map_or("", String::as_str));
+    Ok(link.send(move |session: &mut Session| session.take_depths(&project, &made, record, warnings))?)
+}
+
+impl Session {
+    fn take_depths(
+        &mut self,
+        made_from: &Project,
+        made: &[bool],
+        mut record: ResultRecord,
+        warnings: Vec<String>,
+    ) -> Result<()> {
+        record.stale = made_from.frames != self.snapshot()?.frames;
+        let version = record.version;
+        let mut edits = Vec::new();
+        for (frame, known) in made_from.frames.iter().enumerate() {
+            let path = || depth_map_path(version, &known.name);
+            let depth = made[frame].then(|| DepthSource::Made { made: path(), scale: 1.0 });
+            if !known.has_sensor_depth() {
+                edits.push(Edit::SetDepth { frame, depth });
+            }
+        }
+        let notice = format!("depths: {}", record.settings);
+        edits.push(Edit::SetResult { kind: ResultKind::Depths, record: Some(record) });
+        self.commit("Reconstruct", edits)?;
+        self.events.push(crate::session::Event::Notice(notice));
+        self.warn_all(warnings);
+        Ok(())
+    }
+}
+
+/// Every n-th frame without a sensor's depth.
+fn chosen(frames: &[Frame], request: &ReconstructRequest) -> Result<Vec<usize>> {
+    let open = |&frame: &usize| !frames[frame].has_sensor_depth();
+    let views: Vec<usize> = (0..frames.len()).step_by(request.every).filter(open).collect();
+    ensure!(!views.is_empty(), "all frames have depth of a sensor; stereo makes it for frames without");
+    Ok(views)
+}
+
+fn options(request: &ReconstructRequest) -> StereoOptions {
+    let options = StereoOptions::default();
+    StereoOptions { max_side: request.max_side.unwrap_or(options.max_side), ..options }
+}
+
+/// What the depths depend on: cameras and pictures, which views, how; and which pixels, where only labelled ones count.
+fn key(project: &Project, views: &[usize], options: &StereoOptions, request: &ReconstructRequest) -> Result<String> {
+    let mut digest = Sha256::new();
+    let stamp = |frame: &Frame| {
+        let file = std::fs::metadata(frame.picture.path()).ok()?;
+        Some((file.len(), file.modified().ok()?))
+    };
+    let frames: Vec<_> =
+        project.frames.iter().map(|frame| (&frame.name, &frame.picture, &frame.camera, stamp(frame))).collect();
+    digest.update(serde_json::to_vec(&(frames, views, options))?);
+    if request.only_labelled {
+        for &view in views {
+            digest.update(serde_json::to_vec(&project.mask_in_play(view).map(|mask| mask.runs.clone()))?);
+        }
+    }
+    Ok(digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// The newest version that was begun the same way and not finished.
+fn unfinished(root: &Path, project: &Project, key: &str) -> Option<u64> {
+    let is_begun = |version: &u64| {
+        let account = DepthFolder::new(root, *version, &project.frames).load_account();
+        account.is_ok_and(|account| account.key == key && account.outcomes.is_none())
+    };
+    depth_versions(root).find(is_begun)
+}
+
+fn estimate(
+    project: &Project,
+    root: &Path,
+    views: &[usize],
+    folder: &DepthFolder,
+    (store, request, options): (&FrameStore, &ReconstructRequest, &StereoOptions),
+    progress: &Progress,
+) -> Result<BTreeMap<usize, ViewOutcome>> {
+    let frames = &project.frames;
+    let sparse = sparse_points(project, root, views, folder, store, progress)?;
+    let mask = |frame: usize, raster: &Camera| {
+        let none = || vec![false; raster.width as usize * raster.height as usize];
+        let seen = || {
+            let (mask, (lens, _)) = (project.mask_in_play(frame)?.decode(), frames[frame].posed_camera()?);
+            Some(labelled(&undistort_mask(&mask, lens, raster).ids))
+        };
+        request.only_labelled.then(|| seen().unwrap_or_else(none))
+    };
+    let wish = StereoRequest { frames, views, sparse: &sparse, mask: &mask };
+    Ok(estimate_depths(&wish, store, folder, options, progress)?)
+}
+
+fn labelled(ids: &[LabelId]) -> Vec<bool> {
+    ids.iter().map(|&id| id != LabelId::NONE).collect()
+}
+
+/// The points that cameras were found with; where some of the views were not (given cameras, frames placed between), what
+/// all see in common, kept for a run that goes on.
+fn sparse_points(
+    project: &Project,
+    root: &Path,
+    views: &[usize],
+    folder: &DepthFolder,
+    store: &FrameStore,
+    progress: &Progress,
+) -> Result<SparsePoints> {
+    let sparse = load_sparse(root, project);
+    let is_posed = |view: &&usize| project.frames[**view].posed_camera().is_some();
+    if views.iter().filter(is_posed).all(|view| sparse.keypoints.contains_key(view)) {
+        return Ok(sparse);
+    }
+    if let Ok(sparse) = read_sparse_model(&folder.sparse(), &project.frames) {
+        return Ok(sparse);
+    }
+    let extractor = Sift::default();
+    let matcher = matcher("auto", "sift")?;
+    let engines = (&extractor as _, matcher.as_ref());
+    let sparse = sparse_from_cameras(&project.frames, views, store, engines, &SparseOptions::default(), progress)?;
+    write_colmap_model(&folder.sparse(), &project.frames, &sparse, ModelEncoding::Text)?;
+    Ok(sparse)
+}
+
+fn settings(views: &[usize], made: &[bool], options: &StereoOptions) -> String {
+    let done = made.iter().filter(|&&made| made).count();
+    format!("{done} of {} views, at most {} px wide or high, on the processor", views.len(), options.max_side)
+}
+
+/// One line per view without depth, up to a number.
+fn warnings(frames: &[Frame], outcomes: &BTreeMap<usize, ViewOutcome>) -> Vec<String> {
+    let failed = outcomes.iter().filter(|(_, outcome)| !matches!(outcome, ViewOutcome::Done { .. }));
+    let lines = failed.map(|(&frame, why)| format!("{} has no depth: {why}", frames[frame].name)).collect();
+    left_out(lines, "depth")
+}

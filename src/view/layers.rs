@@ -1,0 +1,130 @@
+use std::sync::Arc;
+
+use crate::frames::{DepthMap, Frame, FrameError, FrameStore, Image, MadeDepth};
+use crate::view::coloring::ramp;
+
+/// What is shown of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub enum Layer {
+    /// The photo.
+    #[default]
+    Photo,
+    /// Depth, near is violet and far yellow.
+    Depth,
+    /// Normals as colours: red right, green down, blue towards the camera.
+    Normals,
+    /// How sure the depth is: violet 0, yellow 1.
+    Confidence,
+}
+
+/// A layer drawn as a picture of the frame's size.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LayerPicture {
+    /// The picture; unknown pixels are dark grey.
+    pub image: Arc<Image>,
+    /// What the ends of the ramp stand for, where one is drawn: world units of depth, or shares.
+    pub range: Option<[f32; 2]>,
+}
+
+impl Layer {
+    /// All, the photo first.
+    pub const ALL: [Self; 4] = [Self::Photo, Self::Depth, Self::Normals, Self::Confidence];
+
+    /// Its name.
+    #[must_use]
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Photo => "Photo",
+            Self::Depth => "Depth",
+            Self::Normals => "Normals",
+            Self::Confidence => "Confidence",
+        }
+    }
+}
+
+const UNKNOWN: [u8; 3] = [40, 40, 40];
+/// Depths are drawn from this quantile to its mirror: single far pixels do not take the colours of all others.
+const QUANTILE: f64 = 0.01;
+
+/// Draws a layer of a frame; `None` where the frame has none.
+///
+/// # Errors
+/// [`FrameError`] when it cannot be read.
+pub fn draw_layer(layer: Layer, frame: &Frame, store: &FrameStore) -> Result<Option<LayerPicture>, FrameError> {
+    Ok(match layer {
+        Layer::Photo => Some(LayerPicture { image: store.image(frame)?, range: None }),
+        Layer::Depth => store.depth(frame)?.map(|depth| draw_depth(&depth)),
+        Layer::Normals => store.made_depth(frame)?.map(|made| draw_normals(&made, frame)),
+        Layer::Confidence => store.made_depth(frame)?.map(|made| draw_confidence(&made, frame)),
+    })
+}
+
+fn draw_depth(depth: &DepthMap) -> LayerPicture {
+    let mut known: Vec<f32> = depth.depths.iter().copied().filter(|&depth| depth > 0.0).collect();
+    known.sort_unstable_by(f32::total_cmp);
+    let skipped = (QUANTILE * known.len() as f64) as usize;
+    let range = known.get(skipped).zip(known.get(known.len().saturating_sub(skipped + 1))).map(|(&a, &b)| [a, b]);
+    let [near, far] = range.unwrap_or([0.0, 1.0]);
+    let color = |&depth: &f32| match depth {
+        depth if depth > 0.0 => ramp((depth - near) / (far - near).max(f32::MIN_POSITIVE)),
+        _ => UNKNOWN,
+    };
+    let pixels = depth.depths.iter().map(color).collect();
+    LayerPicture { image: Arc::new(Image { width: depth.width, height: depth.height, pixels }), range }
+}
+
+fn draw_normals(made: &MadeDepth, frame: &Frame) -> LayerPicture {
+    let color = |at: usize| match made.normals[at] {
+        [0, 0, 0] => UNKNOWN,
+        [x, y, z] => [x, y, -z.max(-127)].map(|along| (i16::from(along) + 128) as u8),
+    };
+    LayerPicture { image: Arc::new(seen(made, frame, color)), range: None }
+}
+
+fn draw_confidence(made: &MadeDepth, frame: &Frame) -> LayerPicture {
+    let color = |at: usize| match made.depth.depths[at] {
+        depth if depth > 0.0 => ramp(f32::from(made.confidence[at]) / 255.0),
+        _ => UNKNOWN,
+    };
+    LayerPicture { image: Arc::new(seen(made, frame, color)), range: Some([0.0, 1.0]) }
+}
+
+fn seen(made: &MadeDepth, frame: &Frame, color: impl Fn(usize) -> [u8; 3]) -> Image {
+    let pixels = made.pixels_seen_by(frame).map(|at| at.map_or(UNKNOWN, &color)).collect();
+    Image { width: frame.width, height: frame.height, pixels }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frames::{Orientation, PictureSource};
+    use crate::geometry::Camera;
+
+    #[test]
+    fn depth_is_drawn_from_near_to_far_and_holes_are_dark() {
+        let depths = (0..400).map(|i| if i == 7 { 0.0 } else { 1.0 + i as f32 / 400.0 }).collect();
+        let drawn = draw_depth(&DepthMap { width: 20, height: 20, depths });
+        let [near, far] = drawn.range.unwrap();
+        assert!((near - 1.0).abs() < 0.02 && (far - 2.0).abs() < 0.02, "{near} to {far}");
+        let pixels = &drawn.image.pixels;
+        assert_eq!((pixels[7], pixels[0], pixels[399]), (UNKNOWN, [68, 1, 84], [253, 231, 37]));
+        let empty = draw_depth(&DepthMap { width: 2, height: 1, depths: vec![0.0; 2] });
+        assert_eq!((empty.range, &empty.image.pixels[..]), (None, &[UNKNOWN; 2][..]));
+    }
+
+    #[test]
+    fn normals_and_confidences_lie_over_the_picture() {
+        let made = MadeDepth {
+            camera: Camera::pinhole(2, 1, 2.0, 2.0, 1.0, 0.5),
+            depth: DepthMap { width: 2, height: 1, depths: vec![1.0, 0.0] },
+            normals: vec![[0, 0, -127], [0; 3]],
+            confidence: vec![255, 9],
+        };
+        let picture = PictureSource::File { path: "a.png".into(), orientation: Orientation::default() };
+        let frame = Frame { name: "a".into(), width: 4, height: 2, picture, depth: None, camera: None };
+        let normals = draw_normals(&made, &frame).image;
+        assert_eq!((normals.at(1, 1), normals.at(2, 0)), ([128, 128, 255], UNKNOWN));
+        let confidence = draw_confidence(&made, &frame).image;
+        assert_eq!((confidence.at(0, 1), confidence.at(3, 1)), ([253, 231, 37], UNKNOWN));
+    }
+}

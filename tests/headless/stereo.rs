@@ -1,0 +1,220 @@
+//! Depth by stereo as a user runs it: floors on real pictures that may only rise, stopping and going on, what cannot be.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use ostra::frames::DepthSource;
+use ostra::session::{Command, Event, ReconstructMethod, ReconstructRequest, Session};
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::sfm::{Project, ostra};
+use crate::support::data_dir;
+
+/// A project of the first pictures of a set with its true cameras.
+fn project(set: &Path, frames: usize) -> Project {
+    let last = (frames - 1).to_string();
+    let cameras = set.join("sparse");
+    Project::new(&set.join("images"), &["--cameras", cameras.to_str().unwrap(), "--to", &last])
+}
+
+fn stereo(project: &Project, side: u32) -> String {
+    project.done(&["reconstruct", &project.root(), "--method", "mvs", "--max-side", &side.to_string()])
+}
+
+/// The fused cloud against the set's reference points, at three distances.
+fn score(project: &Project, set: &Path, within: &str) -> Value {
+    let dir = TempDir::new().unwrap();
+    let cloud = dir.path().join("cloud.ply");
+    project.done(&["fuse", &project.root()]);
+    project.done(&["export", &project.root(), "--cloud", cloud.to_str().unwrap()]);
+    let (truth, cameras) = (set.join("sparse_reference.ply"), dir.path().join("cameras"));
+    project.done(&["export", &project.root(), "--cameras", cameras.to_str().unwrap()]);
+    let paths = ["--truth", truth.to_str().unwrap(), "--result", cloud.to_str().unwrap()];
+    let seen = ["--within", within, "--cameras", cameras.to_str().unwrap(), "--min-views", "3", "--json"];
+    let text = project.done(&[&["eval", "cloud"][..], &paths, &seen].concat());
+    serde_json::from_str(text.lines().last().unwrap()).unwrap()
+}
+
+/// Completeness at each distance, and the share in depth at the last.
+fn shares(score: &Value) -> (Vec<f64>, f64) {
+    let surface = score["surface"].as_array().unwrap();
+    let complete = surface.iter().map(|at| at["completeness"].as_f64().unwrap()).collect();
+    println!("{} points; {surface:?}", score["result_points"]);
+    (complete, surface.last().unwrap()["in_depth"].as_f64().unwrap())
+}
+
+#[test]
+fn dtu_with_true_cameras() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("dtu_scan24");
+    let project = project(&set, 12);
+    let said = stereo(&project, 640);
+    assert!(said.contains("12 of 12 views"), "{said}");
+    let score = score(&project, &set, "1,2,3");
+    let (complete, in_depth) = shares(&score);
+    assert!(complete[0] >= 0.80 && complete[1] >= 0.96, "{complete:?}");
+    assert!(in_depth >= 0.87, "{in_depth}");
+    assert!(score["result_points"].as_f64().unwrap() <= 1.5 * 288_970.0);
+}
+
+#[test]
+fn fountain_with_true_cameras() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("strecha_fountain_P11");
+    let project = project(&set, 11);
+    stereo(&project, 640);
+    let score = score(&project, &set, "0.01,0.02,0.05,0.03");
+    let (complete, in_depth) = shares(&score);
+    assert!(complete[0] >= 0.65 && complete[1] >= 0.92 && complete[2] >= 0.978, "{complete:?}");
+    assert!(in_depth >= 0.88, "{in_depth}");
+    assert!(score["result_points"].as_f64().unwrap() <= 1.5 * 393_656.0);
+}
+
+fn request() -> Command {
+    let method = ReconstructMethod::Mvs;
+    Command::Reconstruct(ReconstructRequest { method, max_side: Some(200), ..ReconstructRequest::default() })
+}
+
+/// Runs stereo and stops it in a stage after so many views; gives what was said.
+fn stopped(session: &mut Session, stage: &str, views: usize) -> Vec<Event> {
+    session.act(request()).unwrap();
+    session.settle(|jobs| {
+        let there = jobs.iter().any(|job| job.report.stage == stage && job.report.done >= views);
+        if there { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })
+}
+
+fn opened(project: &Project) -> Session {
+    let mut session = Session::new();
+    session.act(Command::Open(project.root().into())).unwrap();
+    session.settle(|_| ControlFlow::Continue(()));
+    session
+}
+
+fn depth_maps(root: &str) -> Vec<(String, Vec<u8>)> {
+    let files = std::fs::read_dir(Path::new(root).join("depths")).unwrap();
+    let mut maps: Vec<(String, Vec<u8>)> = files
+        .map(|file| file.unwrap().path())
+        .map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(&path).unwrap()))
+        .collect();
+    maps.sort();
+    maps
+}
+
+/// The depth maps of the first round that lie there, and when they were made.
+fn first_round(root: &str) -> Vec<(PathBuf, SystemTime)> {
+    let folder = Path::new(root).join("versions/depths-1/rounds/0");
+    let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap());
+    files.map(|file| (file.path(), file.metadata().unwrap().modified().unwrap())).collect()
+}
+
+#[test]
+fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("strecha_fountain_P11");
+    let (whole, parts) = (project(&set, 5), project(&set, 5));
+    let mut session = opened(&whole);
+    session.act(request()).unwrap();
+    session.settle(|_| ControlFlow::Continue(()));
+    session.save().unwrap();
+    drop(session);
+    let mut session = opened(&parts);
+    let mut first: Vec<(PathBuf, SystemTime)> = Vec::new();
+    let has_depth = |session: &Session| session.project().unwrap().frames.iter().any(|frame| frame.depth.is_some());
+    for (stage, views) in [("depth", 2), ("consistent depth", 1)] {
+        let events = stopped(&mut session, stage, views);
+        assert!(events.iter().any(|event| matches!(event, Event::Stopped { .. })), "{stage}: {events:?}");
+        assert!(!has_depth(&session), "depths stand when they are done");
+        let kept = first_round(&parts.root());
+        assert!(kept.len() >= 2 && first.iter().all(|file| kept.contains(file)), "made anew: {first:?} {kept:?}");
+        first = kept;
+    }
+    session.act(request()).unwrap();
+    session.settle(|_| ControlFlow::Continue(()));
+    session.save().unwrap();
+    let project = session.project().unwrap();
+    assert!(project.frames.iter().all(|frame| matches!(frame.depth, Some(DepthSource::Made { .. }))));
+    drop(session);
+    let (once, twice) = (depth_maps(&whole.root()), depth_maps(&parts.root()));
+    assert_eq!(once.len(), 5);
+    assert!(once == twice, "the same depth maps, byte for byte");
+}
+
+#[test]
+fn what_cannot_have_depth_is_told_and_the_rest_is_done() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("strecha_fountain_P11");
+    let pictures = TempDir::new().unwrap();
+    for k in 0..5 {
+        let name = format!("{k:04}.jpg");
+        std::fs::copy(set.join("images").join(&name), pictures.path().join(&name)).unwrap();
+    }
+    let grey = image::RgbImage::from_pixel(1536, 1024, image::Rgb([90; 3]));
+    grey.save(pictures.path().join("0003.jpg")).unwrap();
+    let cameras = set.join("sparse");
+    let project = Project::new(pictures.path(), &["--cameras", cameras.to_str().unwrap()]);
+    std::fs::remove_file(pictures.path().join("0004.jpg")).unwrap();
+    let said = stereo(&project, 200);
+    assert!(said.contains("3 of 5 views"), "{said}");
+    assert!(said.contains("0003.jpg has no depth: all its pixels are alike"), "{said}");
+    assert!(said.contains("0004.jpg has no depth") && said.contains("is not there"), "{said}");
+    let depths: Vec<bool> =
+        project.info()["frames"].as_array().unwrap().iter().map(|frame| frame["depth"].as_bool().unwrap()).collect();
+    assert_eq!(depths, [true, true, true, false, false]);
+}
+
+#[test]
+fn two_views_are_enough_and_one_is_not() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("strecha_fountain_P11");
+    let two = project(&set, 2);
+    let said = stereo(&two, 200);
+    assert!(said.contains("2 of 2 views"), "{said}");
+    let fused = two.done(&["fuse", &two.root()]);
+    let header = std::fs::read(Path::new(&two.root()).join("cloud.ply")).unwrap();
+    let header = String::from_utf8_lossy(&header[..400]).into_owned();
+    let points = header.lines().find_map(|line| line.strip_prefix("element vertex ")?.parse::<usize>().ok());
+    assert!(points.is_some_and(|points| points > 3000), "{fused}{header}");
+    let one = project(&set, 1);
+    let output = ostra(&["reconstruct", &one.root(), "--method", "mvs"]);
+    let why = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{why}");
+    assert!(why.contains("no frame got depth: 0000.jpg has no depth: it shares too little"), "{why}");
+}
+
+#[test]
+fn depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("strecha_fountain_P11");
+    let project = project(&set, 3);
+    stereo(&project, 200);
+    let median = |to: &str| {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join(to);
+        project.done(&["export", &project.root(), "--depths", path.to_str().unwrap()]);
+        let file = std::fs::File::open(path.join("0001.tiff")).unwrap();
+        let mut decoder = tiff::decoder::Decoder::new(std::io::BufReader::new(file)).unwrap();
+        let tiff::decoder::DecodingResult::F32(mut depths) = decoder.read_image().unwrap() else { panic!() };
+        depths.retain(|&depth| depth > 0.0);
+        depths.sort_unstable_by(f32::total_cmp);
+        f64::from(depths[depths.len() / 2])
+    };
+    let before = median("before");
+    let ends = ["--from", "0,700,500", "--from", "1,650,500", "--to", "0,900,700", "--to", "1,850,700"];
+    project.done(&[&["scale", &project.root(), "--length", "10"][..], &ends].concat());
+    let factor = median("scaled") / before;
+    assert!((factor - 1.0).abs() > 0.1, "{factor}");
+    let said = project.done(&["fuse", &project.root()]);
+    assert!(!said.contains("warning"), "{said}");
+    // Made anew with the scaled cameras: the same depths in the new unit.
+    stereo(&project, 200);
+    let again = median("again") / before;
+    assert!((again / factor - 1.0).abs() < 0.01, "{again} {factor}");
+    // Other cameras: what was fused of the standing depths is stale, and that is said.
+    project.done(&["reconstruct", &project.root(), "--method", "sfm"]);
+    let said = project.done(&["fuse", &project.root()]);
+    assert!(said.contains("the depths were made with other cameras"), "{said}");
+    assert_eq!(project.info()["results"]["cloud"]["stale"], true);
+}
