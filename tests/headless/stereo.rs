@@ -67,7 +67,7 @@ fn fountain_with_true_cameras() {
     stereo(&project, 640);
     let score = score(&project, &set, "0.01,0.02,0.05,0.03");
     let (complete, in_depth) = shares(&score);
-    assert!(complete[0] >= 0.65 && complete[1] >= 0.92 && complete[2] >= 0.978, "{complete:?}");
+    assert!(complete[0] >= 0.65 && complete[1] >= 0.92 && complete[2] >= 0.98, "{complete:?}");
     assert!(in_depth >= 0.88, "{in_depth}");
     assert!(score["result_points"].as_f64().unwrap() <= 1.5 * 393_656.0);
 }
@@ -103,10 +103,11 @@ fn depth_maps(root: &str) -> Vec<(String, Vec<u8>)> {
     maps
 }
 
-/// The depth maps of the first round that lie there, and when they were made.
-fn first_round(root: &str) -> Vec<(PathBuf, SystemTime)> {
-    let folder = Path::new(root).join("versions/depths-1/rounds/0");
-    let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap());
+/// The depth maps of all rounds that lie there, and when they were made.
+fn rounds(root: &str) -> Vec<(PathBuf, SystemTime)> {
+    let folder = Path::new(root).join("versions/depths-1/rounds");
+    let rounds = (0..9).filter_map(|round| std::fs::read_dir(folder.join(round.to_string())).ok());
+    let files = rounds.flatten().map(|file| file.unwrap());
     files.map(|file| (file.path(), file.metadata().unwrap().modified().unwrap())).collect()
 }
 
@@ -127,8 +128,9 @@ fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
         let events = stopped(&mut session, stage, views);
         assert!(events.iter().any(|event| matches!(event, Event::Stopped { .. })), "{stage}: {events:?}");
         assert!(!has_depth(&session), "depths stand when they are done");
-        let kept = first_round(&parts.root());
-        assert!(kept.len() >= 2 && first.iter().all(|file| kept.contains(file)), "made anew: {first:?} {kept:?}");
+        let kept = rounds(&parts.root());
+        let again = first.iter().find(|(path, made)| kept.iter().any(|(other, now)| other == path && now != made));
+        assert!(!kept.is_empty() && again.is_none(), "{stage}: made anew: {again:?}");
         first = kept;
     }
     session.act(request()).unwrap();

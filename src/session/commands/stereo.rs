@@ -14,7 +14,7 @@ use crate::geometry::Camera;
 use crate::masks::LabelId;
 use crate::scene::sfm::{Sift, undistort_mask};
 use crate::scene::stereo::{
-    SparseOptions, StereoOptions, StereoRequest, ViewOutcome, estimate_depths, sparse_from_cameras,
+    DepthStore, SparseOptions, Stage, StereoOptions, StereoRequest, ViewOutcome, estimate_depths, sparse_from_cameras,
 };
 use crate::session::engines::matcher;
 use crate::session::jobs::Link;
@@ -51,7 +51,7 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
     account.outcomes = Some(outcomes);
     folder.save_account(&account)?;
     folder.finish();
-    let made: Vec<bool> = (0..project.frames.len()).map(|frame| folder.has(frame)).collect();
+    let made: Vec<bool> = (0..project.frames.len()).map(|frame| folder.has(frame, Stage::Filtered)).collect();
     let record = ResultRecord {
         engine: "stereo".into(),
         frames: made.iter().filter(|&&made| made).count(),

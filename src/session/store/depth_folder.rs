@@ -62,12 +62,6 @@ impl DepthFolder {
         Self { scale: scale.unwrap_or(1.0), ..self }
     }
 
-    /// Whether a frame's depth map is finished.
-    #[must_use]
-    pub fn has(&self, frame: usize) -> bool {
-        self.path(frame, Stage::Filtered).is_file()
-    }
-
     /// Writes how they were made.
     ///
     /// # Errors
@@ -121,6 +115,10 @@ impl DepthStore for DepthFolder {
         };
         let depths = depth.depths.iter().map(|depth| self.scale * depth).collect();
         Ok(Some(Arc::new(DepthEstimate { camera, depths, normals, confidence })))
+    }
+
+    fn has(&self, frame: usize, stage: Stage) -> bool {
+        self.path(frame, stage).is_file()
     }
 
     fn save(&self, frame: usize, stage: Stage, estimate: DepthEstimate) -> Result<(), SceneError> {

@@ -16,7 +16,7 @@ use crate::scene::stereo::{DepthEstimate, DepthStore, Stage, StereoError};
 /// Makes points of the filtered depths of some views: view after view, each pixel that no point has taken yet makes one
 /// with the pixels of the neighbouring views that see the same (J. Schönberger et al., *Pixelwise View Selection for
 /// Unstructured Multi-View Stereo*, ECCV 2016, over the graph of views instead of pixels). The point lies on the pixel's
-/// own ray, at the mean of what their planes say; every pixel is used once.
+/// own ray, at the median of what their planes say; every pixel is used once.
 ///
 /// `neighbours` gives for each view the frames that it was compared with. The same input gives the same bytes, whatever
 /// the number of threads.
@@ -91,6 +91,13 @@ fn connected(neighbours: &BTreeMap<usize, Vec<usize>>, number: usize) -> Vec<usi
     all
 }
 
+/// The middle one of some values, or the mean of the two in the middle.
+fn median(mut values: Vec<f32>) -> f32 {
+    values.sort_unstable_by(f32::total_cmp);
+    let last = values.len() - 1;
+    0.5 * (values[last / 2] + values[last.div_ceil(2)])
+}
+
 struct View<'a> {
     place: usize,
     estimate: &'a Arc<DepthEstimate>,
@@ -152,12 +159,9 @@ impl View<'_> {
 
     fn add_point(&self, cloud: &mut DenseCloud, at: usize, matches: &[(usize, Match)]) {
         let width = self.estimate.width();
-        let (mut inverse_depth, mut normal) = (1.0 / self.estimate.depths[at], self.estimate.normal(at));
-        for (_, found) in matches {
-            inverse_depth += found.inverse_depth;
-            normal += found.normal;
-        }
-        inverse_depth /= (matches.len() + 1) as f32;
+        let own = 1.0 / self.estimate.depths[at];
+        let inverse_depth = median(matches.iter().map(|(_, found)| found.inverse_depth).chain([own]).collect());
+        let normal = matches.iter().fold(self.estimate.normal(at), |sum, (_, found)| sum + found.normal);
         let ray = self.raster.ray((at % width) as f32, (at / width) as f32);
         cloud.positions.push(self.centre + self.world_from_camera * (ray / inverse_depth));
         cloud.normals.push(self.world_from_camera * normal.normalize_or_zero());

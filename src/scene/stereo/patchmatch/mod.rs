@@ -3,6 +3,7 @@
 //! Works on pyramids of posed pinhole pictures alone; a pixel of one colour of the checkerboard depends only on the other
 //! colour and itself, and random numbers only on the pixel and its visit.
 
+mod contest;
 mod field;
 mod hints;
 mod level;

@@ -2,7 +2,7 @@ use pulp::{NullaryFnOnce, Simd};
 
 use super::plane::Plane;
 use super::texture::Texture;
-use super::window::{NOISE, Patch, TAPS, Window};
+use super::window::{NOISE, PADDED, Patch, TAPS, Window};
 
 /// Cost of a hypothesis that cannot be compared.
 pub const WORST: f32 = 2.0;
@@ -84,23 +84,31 @@ fn compare<S: Simd>(comparison: &Comparison<'_, S>) -> f32 {
     if inside < 0.0 {
         return WORST;
     }
-    let (mut index, mut share_x, mut share_y) = ([0u32; TAPS], [0.0f32; TAPS], [0.0f32; TAPS]);
-    locate(simd, window, homography, texture, (&mut index, &mut share_x, &mut share_y));
-    let mut quads = [0u32; TAPS];
-    for (quad, &index) in quads.iter_mut().zip(&index) {
-        *quad = texture.quads[index as usize];
+    let mut places = Places { columns: [0; PADDED], rows: [0; PADDED], share_x: [0.0; PADDED], share_y: [0.0; PADDED] };
+    locate(simd, window, homography, texture, &mut places);
+    let mut quads = [0u32; PADDED];
+    for (quad, (&column, &row)) in quads.iter_mut().zip(places.columns.iter().zip(&places.rows)).take(TAPS) {
+        *quad = texture.quads[row as usize * texture.width + column as usize];
     }
-    correlate(simd, patch, &quads, &share_x, &share_y)
+    correlate(simd, patch, &quads, &places.share_x, &places.share_y)
 }
 
 /// Which texels the taps lie between, and how far towards the right and lower one.
+struct Places {
+    columns: [u32; PADDED],
+    rows: [u32; PADDED],
+    share_x: [f32; PADDED],
+    share_y: [f32; PADDED],
+}
+
+/// Finds the places of all taps.
 #[inline(always)]
 fn locate<S: Simd>(
     simd: S,
     window: &Window,
     [at, right, down]: &[[f32; 3]; 3],
     texture: &Texture,
-    (index, share_x, share_y): (&mut [u32; TAPS], &mut [f32; TAPS], &mut [f32; TAPS]),
+    places: &mut Places,
 ) {
     let (x0, y0, z0) = (simd.splat_f32s(at[0]), simd.splat_f32s(at[1]), simd.splat_f32s(at[2]));
     let (x1, y1, z1) = (simd.splat_f32s(right[0]), simd.splat_f32s(right[1]), simd.splat_f32s(right[2]));
@@ -109,11 +117,11 @@ fn locate<S: Simd>(
     let last_y = simd.splat_f32s((texture.height - 1) as f32);
     let (one, least) = (simd.splat_f32s(1.0), simd.splat_f32s(1e-6));
     let (counting, mask) = (simd.splat_f32s(COUNTING), simd.splat_u32s(COUNTING_MASK));
-    let stride = simd.splat_f32s(texture.width as f32);
     let ((dx, _), (dy, _)) = (S::as_simd_f32s(&window.dx), S::as_simd_f32s(&window.dy));
-    let (index, _) = S::as_mut_simd_u32s(index);
-    let ((share_x, _), (share_y, _)) = (S::as_mut_simd_f32s(share_x), S::as_mut_simd_f32s(share_y));
-    for k in 0..dx.len() {
+    let ((columns, _), (rows, _)) = (S::as_mut_simd_u32s(&mut places.columns), S::as_mut_simd_u32s(&mut places.rows));
+    let (share_x, _) = S::as_mut_simd_f32s(&mut places.share_x);
+    let (share_y, _) = S::as_mut_simd_f32s(&mut places.share_y);
+    for k in 0..TAPS.div_ceil(S::F32_LANES) {
         let x = simd.mul_add_e_f32s(dy[k], x2, simd.mul_add_e_f32s(dx[k], x1, x0));
         let y = simd.mul_add_e_f32s(dy[k], y2, simd.mul_add_e_f32s(dx[k], y1, y0));
         let z = simd.mul_add_e_f32s(dy[k], z2, simd.mul_add_e_f32s(dx[k], z1, z0));
@@ -121,8 +129,8 @@ fn locate<S: Simd>(
         let (column, part_x) = split(simd, simd.mul_f32s(x, scale), last_x);
         let (row, part_y) = split(simd, simd.mul_f32s(y, scale), last_y);
         (share_x[k], share_y[k]) = (part_x, part_y);
-        let place = simd.add_f32s(simd.mul_add_e_f32s(row, stride, column), counting);
-        index[k] = simd.and_u32s(simd.transmute_u32s_f32s(place), mask);
+        columns[k] = simd.and_u32s(simd.transmute_u32s_f32s(simd.add_f32s(column, counting)), mask);
+        rows[k] = simd.and_u32s(simd.transmute_u32s_f32s(simd.add_f32s(row, counting)), mask);
     }
 }
 
@@ -148,9 +156,9 @@ fn float<S: Simd>(simd: S, bits: S::u32s) -> S::f32s {
 fn correlate<S: Simd>(
     simd: S,
     patch: &Patch,
-    quads: &[u32; TAPS],
-    share_x: &[f32; TAPS],
-    share_y: &[f32; TAPS],
+    quads: &[u32; PADDED],
+    share_x: &[f32; PADDED],
+    share_y: &[f32; PADDED],
 ) -> f32 {
     let (quads, _) = S::as_simd_u32s(quads);
     let ((share_x, _), (share_y, _)) = (S::as_simd_f32s(share_x), S::as_simd_f32s(share_y));
@@ -158,7 +166,7 @@ fn correlate<S: Simd>(
     let (by_8, by_16, by_24) = (simd.splat_u32s(8), simd.splat_u32s(16), simd.splat_u32s(24));
     let zero = simd.splat_f32s(0.0);
     let (mut mean, mut square, mut cross) = (zero, zero, zero);
-    for k in 0..quads.len() {
+    for k in 0..TAPS.div_ceil(S::F32_LANES) {
         let (a, b) = (float(simd, quads[k]), float(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_8)));
         let c = float(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_16));
         let d = float(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_24));

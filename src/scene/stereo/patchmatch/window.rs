@@ -2,6 +2,8 @@ use super::texture::Texture;
 
 /// Taps of the window.
 pub const TAPS: usize = 24;
+/// Taps made up with ones of no weight to whole vectors of any width.
+pub const PADDED: usize = 32;
 /// Reach of the window in pixels: small, so that a thin part is not compared by what lies behind it.
 const REACH: i32 = 2;
 /// Grey difference of `exp(−½)` in the weights.
@@ -13,10 +15,10 @@ pub const NOISE: f32 = 2.0;
 #[derive(Debug, Clone)]
 pub struct Window {
     /// Offsets in pixels from the centre.
-    pub dx: [f32; TAPS],
+    pub dx: [f32; PADDED],
     /// Offsets in pixels from the centre.
-    pub dy: [f32; TAPS],
-    near: [f32; TAPS],
+    pub dy: [f32; PADDED],
+    near: [f32; PADDED],
     alike: [f32; 256],
 }
 
@@ -24,9 +26,9 @@ pub struct Window {
 #[derive(Debug, Clone)]
 pub struct Patch {
     /// Bilateral weights; their sum is 1.
-    pub weights: [f32; TAPS],
+    pub weights: [f32; PADDED],
     /// Weight times the grey's difference from the weighted mean.
-    pub weighted: [f32; TAPS],
+    pub weighted: [f32; PADDED],
     /// Weighted variance of grey.
     pub variance: f32,
 }
@@ -50,7 +52,7 @@ impl Patch {
     pub fn new(window: &Window, picture: &Texture, x: usize, y: usize) -> Self {
         let centre = picture.grey(x, y);
         let mut values = [0.0; TAPS];
-        let mut weights = [0.0; TAPS];
+        let mut weights = [0.0; PADDED];
         for tap in 0..TAPS {
             let column = (x as f32 + window.dx[tap]).max(0.0) as usize;
             let row = (y as f32 + window.dy[tap]).max(0.0) as usize;
@@ -62,7 +64,7 @@ impl Patch {
     }
 
     #[inline(always)]
-    fn weigh(values: &[f32; TAPS], mut weights: [f32; TAPS]) -> Self {
+    fn weigh(values: &[f32; TAPS], mut weights: [f32; PADDED]) -> Self {
         let (mut sum, mut mean) = (0.0, 0.0);
         for tap in 0..TAPS {
             sum += weights[tap];
@@ -70,7 +72,7 @@ impl Patch {
         }
         let scale = 1.0 / sum;
         mean *= scale;
-        let mut weighted = [0.0; TAPS];
+        let mut weighted = [0.0; PADDED];
         let mut variance = 0.0;
         for tap in 0..TAPS {
             weights[tap] *= scale;

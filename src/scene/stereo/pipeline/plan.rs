@@ -62,10 +62,9 @@ pub fn plan(
         match depth_range(&points).filter(|_| !sources.is_empty()).zip(frame.posed_camera()) {
             Some((depth_range, (lens, _))) => {
                 let raster = raster_camera(lens, pictures.max_side());
-                let ratio = f64::from(raster.width) / f64::from(lens.width);
-                let seeds = points.iter().map(|&(at_px, depth)| {
-                    let at = at_px * ratio;
-                    (at.x.max(0.0) as usize, at.y.max(0.0) as usize, depth as f32)
+                let seeds = points.iter().filter_map(|x_in_camera| {
+                    let at_px = raster.project(*x_in_camera).filter(|&at_px| raster.contains(at_px))?;
+                    Some((at_px.x as usize, at_px.y as usize, x_in_camera.z as f32))
                 });
                 let sources = sources.iter().map(|source| source.frame).collect();
                 planned.views.push(PlannedView { frame: number, sources, depth_range, seeds: seeds.collect() });

@@ -81,7 +81,9 @@ pub fn estimate_depths(
         for done in 0..planned.views.len() {
             progress.step(done, planned.views.len())?;
             let number = planned.views[done].frame;
-            if depths.load(number, Stage::Filtered)?.is_none() && depths.load(number, Stage::Round(round))?.is_none() {
+            // Of a run that goes on, earlier rounds of what was done later are gone.
+            let mut done_since = (round..=options.rounds).map(Stage::Round).chain([Stage::Filtered]);
+            if !done_since.any(|stage| depths.has(number, stage)) {
                 let estimate = one_round(&planned, done, round, request, &mut pictures, depths, options, progress)?;
                 depths.save(number, Stage::Round(round), estimate)?;
             }

@@ -1,6 +1,8 @@
 //! Stereo of a slanted textured wall, whose depth is known exactly.
 
 mod fusing;
+mod gaps;
+mod resuming;
 mod searching;
 mod views;
 mod wall;
