@@ -24,6 +24,7 @@ pub use absolute_pose::{
 pub use align::{Alignment, Similarity};
 pub use camera::Camera;
 pub use distortion::Distortion;
+pub use epipolar::{essential_from_pose, fundamental_in_pixels};
 pub use error::GeometryError;
 pub use pose::Pose;
 pub use trajectory::{ErrorStatistics, TrajectoryError};

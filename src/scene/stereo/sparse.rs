@@ -7,7 +7,9 @@ use super::tracks::Tracks;
 use crate::engine::job::Progress;
 use crate::frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use crate::frames::{Frame, FrameStore};
-use crate::geometry::{Camera, Pose, Sighting, TriangulationOptions, triangulate_robust};
+use crate::geometry::{
+    Camera, Pose, Sighting, TriangulationOptions, essential_from_pose, fundamental_in_pixels, triangulate_robust,
+};
 use crate::scene::sfm::{FeatureExtractor, FeatureMatcher, Features, PairOptions, choose_pairs};
 
 /// How sparse points are made where cameras are given without any.
@@ -121,13 +123,7 @@ fn matched_tracks(
 /// The fundamental matrix of two posed views: from positions in the first to lines in the second.
 fn epipolar_lines(first: &View, second: &View) -> DMat3 {
     let second_from_first = second.pose.compose(&first.pose.inverse());
-    let t = second_from_first.translation;
-    let cross = DMat3::from_cols(DVec3::new(0.0, t.z, -t.y), DVec3::new(-t.z, 0.0, t.x), DVec3::new(t.y, -t.x, 0.0));
-    let inverse = |camera: &Camera| {
-        let (f, c) = (camera.focal_px, camera.principal_px);
-        DMat3::from_cols(DVec3::new(f.x, 0.0, 0.0), DVec3::new(0.0, f.y, 0.0), DVec3::new(c.x, c.y, 1.0)).inverse()
-    };
-    inverse(&second.camera).transpose() * cross * DMat3::from_quat(second_from_first.rotation) * inverse(&first.camera)
+    fundamental_in_pixels(essential_from_pose(&second_from_first), [&first.camera, &second.camera])
 }
 
 /// The larger of the distances of two matched positions from each other's epipolar lines, pixels.
