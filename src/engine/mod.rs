@@ -2,5 +2,6 @@
 //!
 //! May use: std. Must not touch: any domain word.
 
+pub mod gpu;
 pub mod job;
 pub mod nn;

@@ -13,6 +13,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("masks/onnx", &["masks", "frames", "engine::job", "engine::nn"]),
     ("masks", &["frames", "engine::job"]),
     ("scene/sfm/onnx", &["scene", "engine::nn"]),
+    ("scene/stereo/gpu", &["scene", "engine::job", "engine::gpu"]),
     ("scene", &["masks", "frames", "geometry", "engine::job"]),
     ("session", &["scene", "masks", "frames", "geometry", "engine::job", "engine::nn", "engine::gpu"]),
     ("view", &["scene", "masks", "frames", "geometry", "engine::gpu"]),
@@ -168,7 +169,7 @@ fn only_scene_gpu_twins_name_the_gpu() {
         .filter(|source| source.path.starts_with("scene/") && source.code.contains("engine::gpu"))
         .map(|source| source.path)
         .collect();
-    assert!(twins.iter().all(|path| path.ends_with("gpu.rs")), "{twins:?}");
+    assert!(twins.iter().all(|path| path.contains("/gpu/")), "{twins:?}");
 }
 
 #[test]
@@ -197,5 +198,35 @@ fn every_room_has_its_sign_and_nothing_but_it() {
                 source.path
             );
         }
+    }
+}
+
+/// A file in a folder `shaders` is a module; a folder below one holds the parts of a module.
+fn shaders() -> Vec<(String, String)> {
+    let mut found = Vec::new();
+    let mut folders = vec![src()];
+    while let Some(folder) = folders.pop() {
+        let mut paths: Vec<PathBuf> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        paths.sort();
+        let texts = paths.iter().filter(|path| path.extension().is_some_and(|ending| ending == "wgsl"));
+        let texts = texts.map(|path| (path.display().to_string(), std::fs::read_to_string(path).unwrap()));
+        if folder.parent().is_some_and(|above| above.ends_with("shaders")) {
+            found.push((folder.display().to_string(), texts.map(|(_, text)| text).collect()));
+        } else {
+            found.extend(texts);
+        }
+        folders.extend(paths.into_iter().filter(|path| path.is_dir()));
+    }
+    found
+}
+
+#[test]
+fn every_shader_is_valid() {
+    let shaders = shaders();
+    assert!(shaders.len() >= 4, "the shaders are found: {}", shaders.len());
+    for (path, text) in shaders {
+        let module = naga::front::wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"));
+        let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), Default::default());
+        validator.validate(&module).unwrap_or_else(|error| panic!("{path}: {error:?}"));
     }
 }

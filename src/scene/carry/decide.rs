@@ -10,10 +10,10 @@ use crate::engine::job::{Progress, Stopped};
 use crate::frames::Image;
 use crate::masks::{LabelId, LabelMask};
 
-/// The mask of a target and how sure each label in it is, 0–1.
+/// The mask of a target and how sure each label in it is, 0–1. `depths` are its own with what anchors show in its holes.
 pub fn decide(
     votes: &Votes,
-    target: &Viewpoint,
+    (target, depths): (&Viewpoint, &[f32]),
     image: &Image,
     options: &CarryOptions,
     progress: &Progress,
@@ -24,7 +24,7 @@ pub fn decide(
         .map(|(label, around)| (label, around.grown(options.margin_px, votes.width, votes.height)))
         .collect();
     let Some(all) = boxes.values().copied().reduce(|a, b| a.union(&b)) else { return Ok((mask, BTreeMap::new())) };
-    let passing = passing(image, target, all, &Tolerance::most(target, options), options);
+    let passing = passing(image, depths, all, &Tolerance::most(target, options), options);
     for (label, within) in boxes {
         progress.check()?;
         let part = passing.part(within.left - all.left, within.top - all.top, within.width(), within.height());

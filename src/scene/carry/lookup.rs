@@ -7,17 +7,18 @@ use super::viewpoint::{Passage, Viewpoint};
 use crate::engine::job::{Progress, Stopped};
 
 /// What an anchor says of a target: pixels with depth are looked up in the anchor, which answers where its depth agrees;
-/// where the target has no depth the anchor's surfaces are drawn into it.
+/// where the target has no depth the anchor's surfaces are drawn into it, and into the holes of `drawn`.
 pub fn ask(
     anchor: &Anchor,
     target: &Viewpoint,
     tolerance: &Tolerance,
+    drawn: &mut [f32],
     options: &CarryOptions,
     progress: &Progress,
 ) -> Result<Sightings, Stopped> {
     let mut sightings = Sightings::none(target.rays.len());
     look_up(anchor, target, tolerance, &mut sightings, progress)?;
-    draw_in_holes(anchor, target, options, &mut sightings, progress)?;
+    draw_in_holes(anchor, target, drawn, options, &mut sightings, progress)?;
     Ok(sightings)
 }
 
@@ -47,6 +48,7 @@ fn look_up(
 fn draw_in_holes(
     anchor: &Anchor,
     target: &Viewpoint,
+    depths: &mut [f32],
     options: &CarryOptions,
     sightings: &mut Sightings,
     progress: &Progress,
@@ -56,6 +58,7 @@ fn draw_in_holes(
     for (at, drawn) in canvas.iter().enumerate() {
         if drawn.depth < f32::INFINITY && target.depth.depths[at] <= 0.0 {
             let from = drawn.from as usize;
+            depths[at] = if depths[at] > 0.0 { depths[at].min(drawn.depth) } else { drawn.depth };
             sightings.set(at, anchor.mask.ids[from], options.drawn_weight * anchor.trust[from]);
         }
     }

@@ -3,6 +3,7 @@
 //! May use: masks, frames, geometry, engine::job. Must not touch: files, Project, UI.
 
 mod anchor;
+mod bleed;
 mod choose;
 mod complete;
 mod decide;

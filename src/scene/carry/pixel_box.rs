@@ -31,6 +31,11 @@ impl PixelBox {
         }
     }
 
+    /// Whether they share a pixel.
+    pub fn meets(&self, other: &Self) -> bool {
+        self.left < other.right && other.left < self.right && self.top < other.bottom && other.top < self.bottom
+    }
+
     /// Wider by `margin` on each side, within a picture.
     pub fn grown(&self, margin: usize, width: usize, height: usize) -> Self {
         Self {

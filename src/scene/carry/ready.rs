@@ -2,11 +2,12 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::anchor::Anchor;
+use super::bleed::Bleeding;
 use super::choose::fillers_for;
 use super::complete::Completion;
 use super::options::CarryOptions;
 use super::tolerance::Tolerance;
-use super::viewpoint::Stand;
+use super::viewpoint::{Stand, Viewpoint};
 use super::views::Views;
 use crate::engine::job::Progress;
 use crate::masks::{LabelId, LabelMask, MaskError};
@@ -66,15 +67,19 @@ impl<'a> ReadyAnchors<'a> {
         of_frame.entry(frame).or_default().clone()
     }
 
-    /// Fills the holes in the anchor's depth from other frames.
+    /// Fills the holes in the anchor's depth from other frames, and where what lies behind its labels shines through.
     fn make(&self, given: &GivenAnchor<'_>, progress: &Progress) -> Result<Anchor, MaskError> {
-        let own = self.views.load(given.frame)?;
-        let mut completion = Completion::new(&own, Tolerance::most(&own, self.options));
+        let seen = self.views.load(given.frame)?;
+        let tolerance = Tolerance::most(&seen, self.options);
+        let bleeding = Bleeding::find(&seen, given.mask, tolerance);
+        let own = Viewpoint { depth: Arc::new(bleeding.stanched(&seen.depth)), ..seen };
+        let mut completion = Completion::new(&own, tolerance);
         let others = self.views.stands().filter(|&(frame, _)| frame != given.frame);
         for filler in fillers_for(&own, others, self.options.fillers) {
             completion.add(&self.views.load(filler)?, progress)?;
         }
-        let filled = completion.finish();
+        let mut filled = completion.finish();
+        bleeding.check(&mut filled);
         Ok(Anchor::new(own, filled, given.mask.clone(), self.options))
     }
 }

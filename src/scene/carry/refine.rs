@@ -2,7 +2,6 @@ use super::options::CarryOptions;
 use super::pixel_box::PixelBox;
 use super::smooth::{Passing, first_round_share, smooth};
 use super::tolerance::Tolerance;
-use super::viewpoint::Viewpoint;
 use crate::frames::Image;
 
 /// For each pixel of a box how far it belongs to a label, −1 to 1, from the balance and weight of its votes and of those
@@ -24,14 +23,14 @@ const COLORS: usize = 3 * 255 + 1;
 /// How votes pass between the pixels of a box: less over edges of colour and jumps of depth.
 pub fn passing(
     image: &Image,
-    target: &Viewpoint,
+    depths: &[f32],
     within: PixelBox,
     tolerance: &Tolerance,
     options: &CarryOptions,
 ) -> Passing {
     let even = shares(0.0, options);
     let jump = shares(options.depth_edge_px, options);
-    let depths = &target.depth.depths;
+    let depths = bridged(depths, image.width as usize);
     let share = |a: usize, b: usize| {
         let (p, q) = (image.pixels[a], image.pixels[b]);
         let difference: u16 = (0..3).map(|c| u16::from(p[c].abs_diff(q[c]))).sum();
@@ -39,7 +38,7 @@ pub fn passing(
         let jumps = near > 0.0 && far - near > tolerance.at(near);
         if jumps { jump[usize::from(difference)] } else { even[usize::from(difference)] }
     };
-    let (width, full) = (within.width(), target.width());
+    let (width, full) = (within.width(), image.width as usize);
     let mut across = vec![0.0; width * within.height()];
     let mut down = across.clone();
     for (y, (across, down)) in (within.top..).zip(across.chunks_exact_mut(width).zip(down.chunks_exact_mut(width))) {
@@ -56,6 +55,27 @@ pub fn passing(
     Passing { width, across, down }
 }
 
+/// Depths with those of the nearest pixel that has one in every hole, so that a hole between two surfaces is no way from
+/// one to the other.
+fn bridged(depths: &[f32], width: usize) -> Vec<f32> {
+    let mut bridged = depths.to_vec();
+    let mut steps: Vec<u32> = depths.iter().map(|&depth| if depth > 0.0 { 0 } else { u32::MAX / 2 }).collect();
+    let mut take = |at: usize, from: Option<usize>| {
+        if let Some(from) = from.filter(|&from| steps[from] + 1 < steps[at]) {
+            (steps[at], bridged[at]) = (steps[from] + 1, bridged[from]);
+        }
+    };
+    for at in 0..depths.len() {
+        take(at, at.checked_sub(1).filter(|_| at % width > 0));
+        take(at, at.checked_sub(width));
+    }
+    for at in (0..depths.len()).rev() {
+        take(at, Some(at + 1).filter(|next| next % width > 0 && *next < depths.len()));
+        take(at, Some(at + width).filter(|&next| next < depths.len()));
+    }
+    bridged
+}
+
 /// By difference of colour how much passes over a step that is `extra_px` longer.
 fn shares(extra_px: f32, options: &CarryOptions) -> [f32; COLORS] {
     let rate = -(2f32.sqrt()) / (options.reach_px * first_round_share());
@@ -63,4 +83,16 @@ fn shares(extra_px: f32, options: &CarryOptions) -> [f32; COLORS] {
         let color = options.color_edge_px * difference as f32 / 255.0;
         (rate * (1.0 + color + extra_px)).exp()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hole_takes_the_depth_of_the_nearer_side() {
+        let depths = [1.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(bridged(&depths, 6), [1.0, 1.0, 1.0, 3.0, 3.0, 3.0, 1.0, 1.0, 1.0, 3.0, 3.0, 3.0]);
+        assert_eq!(bridged(&[0.0; 4], 2), [0.0; 4]);
+    }
 }

@@ -102,16 +102,17 @@ impl<'a> Run<'a> {
         let target = self.views.load(frame)?;
         let image = self.views.image(frame)?;
         let mut votes = Votes { width: target.width(), height: target.height(), of_anchors: Vec::new() };
+        let mut depths = target.depth.depths.clone();
         let allowed = |a: &&GivenAnchor<'_>| reaches(self.request.direction, a.frame, frame);
         let allowed: Vec<&GivenAnchor<'_>> = self.anchors.iter().filter(allowed).collect();
         let stands: Vec<(Stand, &[LabelId])> = allowed.iter().map(|a| (a.stand, a.labels.as_slice())).collect();
         for place in anchors_for(&target, &stands, self.options.anchors) {
             let anchor = self.ready.get(allowed[place], self.progress)?;
             let tolerance = Tolerance::measured(&target, &anchor.view, self.options);
-            let sightings = ask(&anchor, &target, &tolerance, self.options, self.progress)?;
+            let sightings = ask(&anchor, &target, &tolerance, &mut depths, self.options, self.progress)?;
             votes.of_anchors.push((anchor, sightings));
         }
-        let (mask, confidence) = decide(&votes, &target, &image, self.options, self.progress)?;
+        let (mask, confidence) = decide(&votes, (&target, &depths), &image, self.options, self.progress)?;
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         self.progress.step(done, self.targets.len())?;
         Ok(TrackedFrame { frame, mask, confidence, preliminary: false })

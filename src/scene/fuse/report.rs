@@ -15,8 +15,10 @@ pub struct Dropped {
     pub few_views: usize,
     /// Points that lie apart from all others.
     pub outliers: usize,
-    /// Points without a label, where these are not wanted.
-    pub unlabelled: usize,
+    /// Points that no view gives a label, where these are not wanted: background.
+    pub background: usize,
+    /// Points that some views give a label and the vote does not, where these are not wanted: noise at contours.
+    pub contour: usize,
 }
 
 /// What fusion did, for people.

@@ -199,7 +199,12 @@ pub(super) fn finish(cloud: LabelledCloud, votes: Votes, drop_unlabelled: bool, 
     }
     let (cloud, votes) = if drop_unlabelled {
         let kept: Vec<u32> = (0..cloud.len() as u32).filter(|&p| cloud.labels[p as usize] != LabelId::NONE).collect();
-        report.dropped.unlabelled = cloud.len() - kept.len();
+        let is_contour = |&point: &usize| {
+            let voted = votes.histogram(point).iter().any(|&(label, _)| label != LabelId::NONE);
+            voted && cloud.labels[point] == LabelId::NONE
+        };
+        report.dropped.contour = (0..cloud.len()).filter(is_contour).count();
+        report.dropped.background = cloud.len() - kept.len() - report.dropped.contour;
         (cloud.select(&kept), votes.select(&kept))
     } else {
         (cloud, votes)

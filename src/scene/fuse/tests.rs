@@ -215,12 +215,20 @@ fn what_is_not_wanted_is_left_out_and_counted() {
     let all = scene.fused(&options());
     let kept = scene.fused(&FuseOptions { drop_unlabelled: true, ..options() });
     assert!(kept.cloud.labels.iter().all(|&id| id == BALL));
-    assert_eq!(kept.cloud.len() + kept.report.dropped.unlabelled, all.cloud.len());
+    assert_eq!(kept.report.dropped.contour, 0);
+    assert_eq!(kept.cloud.len() + kept.report.dropped.background, all.cloud.len());
     assert_eq!(kept.votes.len(), kept.cloud.len());
     scene.masks[2] = Some(Arc::new(LabelMask::empty(WIDTH, HEIGHT)));
     let sure = scene.fused(&FuseOptions { min_confidence: 0.9, ..options() });
     assert!(sure.report.unsure > 0);
     assert!((0..sure.cloud.len()).all(|p| sure.cloud.labels[p] == LabelId::NONE || sure.cloud.confidence[p] >= 0.9));
+    let clean = scene.fused(&FuseOptions { min_confidence: 0.9, drop_unlabelled: true, ..options() });
+    let Dropped { background, contour, .. } = clean.report.dropped;
+    let voted = |point: &usize| sure.votes.histogram(*point).iter().any(|&(id, _)| id == BALL);
+    let lost = (0..sure.cloud.len()).filter(|&point| sure.cloud.labels[point] != BALL);
+    let (contours, backgrounds): (Vec<usize>, Vec<usize>) = lost.partition(voted);
+    assert_eq!((background, contour), (backgrounds.len(), contours.len()));
+    assert!(contour > 0 && background > 0, "{background} {contour}");
     let twice = scene.fused(&FuseOptions { min_views: 3, ..options() });
     assert_eq!(twice.cloud.len() + twice.report.dropped.few_views, all.cloud.len());
 }

@@ -1,3 +1,4 @@
+use super::gpu::GpuError;
 use crate::engine::job::Stopped;
 use crate::scene::SceneError;
 use crate::scene::sfm::{FeatureError, SfmError};
@@ -11,6 +12,9 @@ pub enum StereoError {
     /// Something is asked for that the input cannot give, or a result could not be kept.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// The graphics card that it was to run on failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
     /// The user stopped it.
     #[error(transparent)]
     Stopped(#[from] Stopped),

@@ -1,10 +1,11 @@
 //! PatchMatch stereo: posed pictures → depth, normal and confidence per view → points and the pixels that made them.
 //!
-//! May use: sfm, fuse, frames, geometry, engine::job. Must not touch: Project, UI.
+//! May use: sfm, fuse, frames, geometry, engine::job; only `gpu/` uses engine::gpu. Must not touch: Project, UI.
 
 mod error;
 pub mod filter;
 pub mod fusion;
+mod gpu;
 mod maps;
 pub mod patchmatch;
 mod pipeline;
@@ -19,6 +20,7 @@ mod tracks;
 pub use error::StereoError;
 pub use filter::FilterOptions;
 pub use fusion::{Contributor, DenseCloud, FusedView, FusionOptions, fuse_depths};
+pub use gpu::Engine;
 pub use maps::DepthEstimate;
 pub use pipeline::{
     DepthStore, MemoryDepths, RasterMask, Stage, StereoOptions, StereoRequest, ViewOutcome, estimate_depths,

@@ -2,7 +2,7 @@ use crate::frames::{Frame, FrameError, FrameStore, Image};
 use crate::geometry::Camera;
 use crate::scene::sfm::{undistort_image, undistorted_camera};
 
-use super::patchmatch::Grey;
+use super::patchmatch::Tones;
 
 /// The camera of the raster that depth is found on: without distortion, the longer side at most `max_side` pixels, never
 /// enlarged.
@@ -35,11 +35,16 @@ pub fn raster_image(frame: &Frame, camera: &Camera, store: &FrameStore, max_side
     Ok(area_mean(&undistort_image(&image, camera, &plain), to.width, to.height))
 }
 
-/// Luma as in ITU-R BT.601, 0–255.
+/// Luma and chroma as in ITU-R BT.601.
 #[must_use]
-pub fn grey(image: &Image) -> Grey {
-    let luma = |&[r, g, b]: &[u8; 3]| 0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b);
-    Grey { width: image.width as usize, height: image.height as usize, values: image.pixels.iter().map(luma).collect() }
+pub fn tones(image: &Image) -> Tones {
+    let (mut luma, mut chroma) = (Vec::with_capacity(image.pixels.len()), Vec::with_capacity(image.pixels.len()));
+    for [r, g, b] in image.pixels.iter().map(|pixel| pixel.map(f32::from)) {
+        luma.push(0.299 * r + 0.587 * g + 0.114 * b);
+        chroma
+            .push([-0.1687 * r - 0.3313 * g + 0.5 * b, 0.5 * r - 0.4187 * g - 0.0813 * b].map(|part| part.min(127.0)));
+    }
+    Tones { width: image.width as usize, height: image.height as usize, luma, chroma }
 }
 
 /// Each pixel the mean over its area in a larger picture, parts of pixels counted as parts.

@@ -2,7 +2,7 @@ use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::error::StereoError;
-use super::raster::{grey, raster_camera, raster_image};
+use super::raster::{raster_camera, raster_image, tones};
 use super::tracks::Tracks;
 use crate::engine::job::Progress;
 use crate::frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
@@ -83,7 +83,7 @@ fn view(
     let Some((lens, pose)) = frame.posed_camera() else { return Ok(None) };
     let Ok(image) = raster_image(frame, lens, store, options.max_side) else { return Ok(None) };
     let camera = raster_camera(lens, options.max_side);
-    let values: Vec<f32> = grey(&image).values.iter().map(|value| value / 255.0).collect();
+    let values: Vec<f32> = tones(&image).luma.iter().map(|value| value / 255.0).collect();
     let features = extractor.extract(&values, image.width as usize, image.height as usize, None)?;
     let color = |at: &DVec2| image.at((at.x as u32).min(image.width - 1), (at.y as u32).min(image.height - 1));
     let colors = features.keypoints.iter().map(color).collect();

@@ -10,7 +10,7 @@ use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore};
 use crate::masks::Label;
 use crate::scene::fuse::{
-    FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto, vote_seen, write_votes,
+    Dropped, FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto, vote_seen, write_votes,
 };
 use crate::scene::ply::{Coloring, read_ply, save_ply};
 use crate::scene::stereo::{DenseCloud, FusionOptions, ViewOutcome, fuse_depths};
@@ -143,7 +143,11 @@ fn settings(request: &FuseRequest, fused: &Fused, is_stereo: bool) -> String {
         None => format!("voxel {:.6}", fused.report.voxel),
     };
     let confidence = request.min_confidence.map(|share| format!(", min confidence {share}")).unwrap_or_default();
-    let dropped = if request.drop_unlabelled { ", unlabelled dropped" } else { "" };
+    let Dropped { background, contour, .. } = fused.report.dropped;
+    let dropped = match request.drop_unlabelled {
+        true => format!(", dropped {background} points of the background and {contour} at contours"),
+        false => String::new(),
+    };
     format!("{source}{confidence}{dropped}, {} points", fused.report.points)
 }
 

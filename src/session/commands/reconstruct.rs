@@ -36,10 +36,6 @@ impl Session {
         cameras: Option<Poses>,
         depths: bool,
     ) -> Result<JobId> {
-        ensure!(
-            !(depths && request.device == "gpu"),
-            "stereo on the graphics card is not in this version yet; choose the device 'auto' or 'cpu'"
-        );
         let camera_work =
             cameras.map(|poses| CameraWork::new(Arc::clone(&project), request, poses, self)).transpose()?;
         let work = StereoWork {

@@ -7,6 +7,7 @@ use anyhow::{Result, ensure};
 use sha2::{Digest, Sha256};
 
 use super::cameras::left_out;
+use crate::engine::gpu::{Device, GpuError, Software};
 use crate::engine::job::Progress;
 use crate::frames::cameras::{ModelEncoding, SparsePoints, read_sparse_model, write_colmap_model};
 use crate::frames::{DepthSource, Frame, FrameStore};
@@ -14,7 +15,8 @@ use crate::geometry::Camera;
 use crate::masks::LabelId;
 use crate::scene::sfm::{Sift, undistort_mask};
 use crate::scene::stereo::{
-    DepthStore, SparseOptions, Stage, StereoOptions, StereoRequest, ViewOutcome, estimate_depths, sparse_from_cameras,
+    DepthStore, Engine, SparseOptions, Stage, StereoError, StereoOptions, StereoRequest, ViewOutcome, estimate_depths,
+    sparse_from_cameras,
 };
 use crate::session::engines::matcher;
 use crate::session::jobs::Link;
@@ -46,8 +48,12 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
     let folder = DepthFolder::new(&root, version, &project.frames);
     let mut account = DepthAccount { key, max_side: options.max_side, outcomes: None };
     folder.save_account(&account)?;
-    let outcomes = estimate(&project, &root, &views, &folder, (&store, &request, &options), &link.progress)?;
-    let warnings = warnings(&project.frames, &outcomes);
+    let how = (&*store, &request, &options);
+    let estimate = |engine: &Engine| estimate(&project, &root, &views, &folder, how, engine, &link.progress);
+    let mut of_device = Vec::new();
+    let (engine, outcomes) = on_device(&request.device, &mut of_device, estimate)?;
+    let mut warnings = views_without_depth(&project.frames, &outcomes);
+    warnings.extend(of_device);
     account.outcomes = Some(outcomes);
     folder.save_account(&account)?;
     folder.finish();
@@ -57,7 +63,7 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
         frames: made.iter().filter(|&&made| made).count(),
         seconds: begun.elapsed().as_secs_f64(),
         stale: false,
-        settings: settings(&views, &made, &options),
+        settings: settings(&views, &made, &options, &engine),
         version,
     };
     ensure!(record.frames > 0, "no frame got depth: {}", warnings.first().map_or("", String::as_str));
@@ -88,6 +94,50 @@ impl Session {
         self.events.push(crate::session::Event::Notice(notice));
         self.warn_all(warnings);
         Ok(())
+    }
+}
+
+/// Does the work on the device that is asked for. Where `auto` took a graphics card that fails in the middle, what is left
+/// is done on the processor, and a warning says so.
+fn on_device(
+    device: &str,
+    warnings: &mut Vec<String>,
+    estimate: impl Fn(&Engine) -> Result<BTreeMap<usize, ViewOutcome>>,
+) -> Result<(Engine, BTreeMap<usize, ViewOutcome>)> {
+    let engine = engine(device, warnings)?;
+    let outcomes = estimate(&engine);
+    let failure = outcomes.as_ref().err().filter(|_| device == "auto").and_then(card_failed);
+    match failure {
+        Some(why) => {
+            warnings.push(format!("what was left was done on the processor: {why}"));
+            Ok((Engine::Cpu, estimate(&Engine::Cpu)?))
+        }
+        None => Ok((engine, outcomes?)),
+    }
+}
+
+/// What PatchMatch runs on for a device's name.
+///
+/// # Errors
+/// For `gpu` where nothing can stand for a graphics card.
+fn engine(device: &str, warnings: &mut Vec<String>) -> Result<Engine> {
+    match device {
+        "cpu" => Ok(Engine::Cpu),
+        "gpu" => Ok(Engine::on(Device::open(Software::Allowed)?.into())?),
+        _ => Ok(Device::open(Software::Refused).and_then(|device| Engine::on(device.into())).unwrap_or_else(|error| {
+            if !matches!(error, GpuError::NoAdapter | GpuError::SoftwareOnly { .. }) {
+                warnings.push(format!("depths were made on the processor: {error}"));
+            }
+            Engine::Cpu
+        })),
+    }
+}
+
+/// What a graphics card said that failed in the middle of the work.
+fn card_failed(error: &anyhow::Error) -> Option<String> {
+    match error.downcast_ref() {
+        Some(StereoError::Gpu(error)) => Some(error.to_string()),
+        _ => None,
     }
 }
 
@@ -137,6 +187,7 @@ fn estimate(
     views: &[usize],
     folder: &DepthFolder,
     (store, request, options): (&FrameStore, &ReconstructRequest, &StereoOptions),
+    engine: &Engine,
     progress: &Progress,
 ) -> Result<BTreeMap<usize, ViewOutcome>> {
     let frames = &project.frames;
@@ -149,7 +200,7 @@ fn estimate(
         };
         request.only_labelled.then(|| seen().unwrap_or_else(none))
     };
-    let wish = StereoRequest { frames, views, sparse: &sparse, mask: &mask };
+    let wish = StereoRequest { frames, views, sparse: &sparse, mask: &mask, engine };
     Ok(estimate_depths(&wish, store, folder, options, progress)?)
 }
 
@@ -183,13 +234,14 @@ fn sparse_points(
     Ok(sparse)
 }
 
-fn settings(views: &[usize], made: &[bool], options: &StereoOptions) -> String {
+fn settings(views: &[usize], made: &[bool], options: &StereoOptions, engine: &Engine) -> String {
     let done = made.iter().filter(|&&made| made).count();
-    format!("{done} of {} views, at most {} px wide or high, on the processor", views.len(), options.max_side)
+    let side = options.max_side;
+    format!("{done} of {} views, at most {side} px wide or high, on {}", views.len(), engine.name())
 }
 
 /// One line per view without depth, up to a number.
-fn warnings(frames: &[Frame], outcomes: &BTreeMap<usize, ViewOutcome>) -> Vec<String> {
+fn views_without_depth(frames: &[Frame], outcomes: &BTreeMap<usize, ViewOutcome>) -> Vec<String> {
     let failed = outcomes.iter().filter(|(_, outcome)| !matches!(outcome, ViewOutcome::Done { .. }));
     let lines = failed.map(|(&frame, why)| format!("{} has no depth: {why}", frames[frame].name)).collect();
     left_out(lines, "depth")

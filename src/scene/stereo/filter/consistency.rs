@@ -2,6 +2,7 @@ use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
 
+use super::options::Agreement;
 use crate::scene::stereo::DepthEstimate;
 use crate::scene::stereo::patchmatch::{Picture, Plane, Raster, Transfer};
 
@@ -14,17 +15,6 @@ pub struct Neighbour {
     back: Transfer,
     /// Inverse depth there, per inverse depth here: `z' = (row · (x, y, 1) / w + t) `.
     here_from_there: Mat3,
-}
-
-/// When two views' depths are the same surface.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Agreement {
-    /// Difference of depth as a share of it.
-    pub depth: f32,
-    /// Distance in pixels after going there and back.
-    pub reprojection_px: f32,
-    /// Cosine between the normals.
-    pub normal_cosine: f32,
 }
 
 /// A neighbour's pixel that sees what a pixel sees.
@@ -53,7 +43,7 @@ impl Neighbour {
     }
 
     /// The neighbour's pixel that sees the point of a pixel `(x, y)` at `inverse_depth` with `normal`, where its depth
-    /// agrees.
+    /// agrees: the nearest of the four around the place, else another of them, as thin parts lie between pixels.
     #[must_use]
     pub fn matched(
         &self,
@@ -68,6 +58,14 @@ impl Neighbour {
         }
         let (u, v) = (u / z, v / z);
         let (column, row) = ((u + 0.5).floor(), (v + 0.5).floor());
+        let (beside, below) = (2.0 * u.floor() + 1.0 - column, 2.0 * v.floor() + 1.0 - row);
+        let around = [(column, row), (beside, row), (column, below), (beside, below)];
+        let point = Seen { at: (x, y), there: (u, v), inverse_depth, normal };
+        around.into_iter().find_map(|pixel| self.agreeing(&point, pixel, agreement))
+    }
+
+    /// The neighbour's pixel in a column and row, where it agrees.
+    fn agreeing(&self, point: &Seen, (column, row): (f32, f32), agreement: &Agreement) -> Option<Match> {
         let (width, height) = (self.estimate.width(), self.estimate.height());
         if column < 0.0 || row < 0.0 || column >= width as f32 || row >= height as f32 {
             return None;
@@ -77,16 +75,25 @@ impl Neighbour {
         if depth <= 0.0 {
             return None;
         }
+        let (u, v) = point.there;
         let there = self.estimate.normal(pixel);
         let plane = Plane::from_normal(depth, there, &self.raster, column, row).moved(u - column, v - row);
         let [s, t, w] = self.back.apply(u, v, plane.inverse_depth);
-        let (s, t) = (s / w - x, t / w - y);
+        let (s, t) = (s / w - point.at.0, t / w - point.at.1);
         // Depth here of what is seen there, as a share of the depth here.
-        let ratio = w / plane.inverse_depth * inverse_depth;
-        let normal_there = self.here_from_there * there;
+        let ratio = w / plane.inverse_depth * point.inverse_depth;
+        let normal = self.here_from_there * there;
         let agrees = (ratio - 1.0).abs() <= agreement.depth
             && s * s + t * t <= agreement.reprojection_px * agreement.reprojection_px
-            && normal_there.dot(normal) >= agreement.normal_cosine;
-        agrees.then(|| Match { pixel, inverse_depth: inverse_depth / ratio, normal: normal_there })
+            && normal.dot(point.normal) >= agreement.normal_cosine;
+        agrees.then(|| Match { pixel, inverse_depth: point.inverse_depth / ratio, normal })
     }
+}
+
+/// A pixel's point and where a neighbour sees it.
+struct Seen {
+    at: (f32, f32),
+    there: (f32, f32),
+    inverse_depth: f32,
+    normal: Vec3,
 }

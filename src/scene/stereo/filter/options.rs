@@ -1,17 +1,51 @@
 use serde::{Deserialize, Serialize};
 
-use super::consistency::Agreement;
+/// When two views' depths are the same surface.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Agreement {
+    /// Largest difference of depth as a share of it, 0–1.
+    pub depth: f32,
+    /// Largest distance after going there and back, pixels of the raster, above 0.
+    pub reprojection_px: f32,
+    /// Least cosine between the normals, −1–1: those of parts a pixel or two wide are hardly known.
+    pub normal_cosine: f32,
+}
+
+impl Default for Agreement {
+    fn default() -> Self {
+        Self { depth: 0.01, reprojection_px: 2.0, normal_cosine: 0.09 }
+    }
+}
+
+/// When borders of surfaces move to where colours change.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SnapOptions {
+    /// Depths that differ by more than this share are two surfaces, above 0.
+    pub surface_step: f32,
+    /// Difference of colour (in grey levels) of `exp(−½)` in how well pixels fit, above 0.
+    pub color_sigma: f32,
+    /// Pixels of the other surface that must fit at least, each counted by how well it does.
+    pub least_fit: f32,
+    /// How many times better its colours must fit, above 1.
+    pub better: f32,
+}
+
+impl Default for SnapOptions {
+    fn default() -> Self {
+        Self { surface_step: 0.05, color_sigma: 20.0, least_fit: 1.0, better: 2.0 }
+    }
+}
 
 /// Which depths are kept.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FilterOptions {
-    /// Largest difference of two views' depths as a share of the depth, 0–1.
-    pub depth_tolerance: f32,
-    /// Largest distance after going to another view and back, pixels of the raster, above 0.
-    pub reprojection_px: f32,
-    /// Largest angle between two views' normals, 0–180 degrees.
-    pub normal_deg: f32,
+    /// What happens at borders first.
+    pub snap: SnapOptions,
+    /// When another view agrees.
+    pub agreement: Agreement,
     /// Other views that must agree, at least 1; all there are where these are fewer.
     pub min_agreeing: usize,
     /// Least confidence, 0–1.
@@ -27,26 +61,13 @@ pub struct FilterOptions {
 impl Default for FilterOptions {
     fn default() -> Self {
         Self {
-            depth_tolerance: 0.01,
-            reprojection_px: 2.0,
-            normal_deg: 60.0,
+            snap: SnapOptions::default(),
+            agreement: Agreement::default(),
             min_agreeing: 2,
-            min_confidence: 0.2,
-            min_support: 60,
+            min_confidence: 0.1,
+            min_support: 20,
             gap_pixels: 7,
             surface_tolerance: 0.01,
-        }
-    }
-}
-
-impl FilterOptions {
-    /// When two views see the same.
-    #[must_use]
-    pub fn agreement(&self) -> Agreement {
-        Agreement {
-            depth: self.depth_tolerance,
-            reprojection_px: self.reprojection_px,
-            normal_cosine: self.normal_deg.to_radians().cos(),
         }
     }
 }

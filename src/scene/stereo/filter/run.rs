@@ -10,7 +10,6 @@ use crate::scene::stereo::DepthEstimate;
 #[must_use]
 pub fn filter(own: &DepthEstimate, neighbours: &[Neighbour], options: &FilterOptions) -> DepthEstimate {
     let width = own.width().max(1);
-    let agreement = options.agreement();
     let needed = options.min_agreeing.clamp(1, neighbours.len().max(1));
     let least = (255.0 * options.min_confidence) as u8;
     let agreeing = |at: usize| {
@@ -19,7 +18,8 @@ pub fn filter(own: &DepthEstimate, neighbours: &[Neighbour], options: &FilterOpt
             return 0;
         }
         let (place, normal) = (((at % width) as f32, (at / width) as f32), own.normal(at));
-        let agrees = |neighbour: &&Neighbour| neighbour.matched(place, 1.0 / depth, normal, &agreement).is_some();
+        let agrees =
+            |neighbour: &&Neighbour| neighbour.matched(place, 1.0 / depth, normal, &options.agreement).is_some();
         neighbours.iter().filter(agrees).count() as u8
     };
     let support: Vec<u8> = (0..own.depths.len()).into_par_iter().map(agreeing).collect();

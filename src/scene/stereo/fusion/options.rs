@@ -1,13 +1,13 @@
 use serde::{Deserialize, Serialize};
 
-use crate::scene::stereo::FilterOptions;
+use crate::scene::stereo::filter::Agreement;
 
 /// How depth maps become points.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FusionOptions {
     /// When pixels of two views see the same point.
-    pub agreement: FilterOptions,
+    pub agreement: Agreement,
     /// Pixels that a point needs, each of another view and its own among them, at least 1; as many as there are views
     /// where these are fewer.
     pub min_pixels: usize,
@@ -15,6 +15,6 @@ pub struct FusionOptions {
 
 impl Default for FusionOptions {
     fn default() -> Self {
-        Self { agreement: FilterOptions::default(), min_pixels: 3 }
+        Self { agreement: Agreement::default(), min_pixels: 3 }
     }
 }

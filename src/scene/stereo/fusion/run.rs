@@ -9,7 +9,7 @@ use super::options::FusionOptions;
 use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore, Image};
 use crate::scene::stereo::filter::{Agreement, Match, Neighbour};
-use crate::scene::stereo::patchmatch::{Grey, Picture, Raster};
+use crate::scene::stereo::patchmatch::{Picture, Raster, Tones};
 use crate::scene::stereo::raster::{raster_camera, raster_image};
 use crate::scene::stereo::{DepthEstimate, DepthStore, Stage, StereoError};
 
@@ -67,7 +67,7 @@ pub fn fuse_depths(
             world_from_camera: glam::DMat3::from_quat(pose.rotation.conjugate()).as_mat3(),
             centre: pose.centre().as_vec3(),
             others: &others,
-            agreement: options.agreement.agreement(),
+            agreement: options.agreement,
         };
         let needed = options.min_pixels.clamp(1, others.len() + 1);
         view.add_points(&mut cloud, &mut used, needed, progress)?;
@@ -78,7 +78,7 @@ pub fn fuse_depths(
 /// A picture's geometry without its pixels.
 fn picture(frame: &Frame, max_side: u32) -> Option<Picture> {
     let (camera, pose) = frame.posed_camera()?;
-    Some(Picture::new(Grey::default(), raster_camera(camera, max_side), *pose, 32))
+    Some(Picture::new(Tones::default(), raster_camera(camera, max_side), *pose, 32))
 }
 
 /// The frames that a frame was compared with, and those that were compared with it.

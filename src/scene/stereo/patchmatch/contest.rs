@@ -5,7 +5,7 @@ use super::level::Level;
 use super::plane::Plane;
 use super::random::Dice;
 use super::views::ViewWeights;
-use super::visit::Turn;
+use super::visit::{Changes, Turn};
 use super::window::Patch;
 
 /// Reach of draws from other pixels, pixels.
@@ -84,17 +84,13 @@ impl Contest<'_, '_> {
 
     /// Random changes of depth, slope and both, then the vertex of a parabola.
     pub fn refine<S: Simd>(&mut self, simd: S, mut dice: Dice, turn: Turn) {
-        let depth = turn.reach * self.level.step;
-        let slope = 0.25 * turn.reach.min(2.0);
+        let Changes { depth, slope, by_depth, by_slope } = turn.changes(self.level);
         self.challenge(simd, self.changed(&mut dice, depth, 0.0));
         self.challenge(simd, self.changed(&mut dice, 0.0, slope));
         self.challenge(simd, self.changed(&mut dice, 0.5 * depth, 0.5 * slope));
-        self.descend(simd, 0.25 * self.level.step * turn.reach.min(1.0), |plane, by| Plane {
-            inverse_depth: plane.inverse_depth + by,
-            ..plane
-        });
+        self.descend(simd, by_depth, |plane, by| Plane { inverse_depth: plane.inverse_depth + by, ..plane });
         let across = (turn.visit & 1) as usize;
-        self.descend(simd, 0.1 * self.level.step * turn.reach.min(1.0), |mut plane, by| {
+        self.descend(simd, by_slope, |mut plane, by| {
             plane.slope[across] += by;
             plane
         });
@@ -104,7 +100,7 @@ impl Contest<'_, '_> {
         let mut plane = self.plane;
         plane.inverse_depth += depth * dice.signed();
         for (slope_px, focal) in plane.slope.iter_mut().zip(self.level.raster.focal) {
-            *slope_px += slope * dice.signed() * plane.inverse_depth / focal;
+            *slope_px += slope * dice.signed() * plane.inverse_depth * (1.0 / focal);
         }
         plane
     }
@@ -114,9 +110,9 @@ impl Contest<'_, '_> {
         let (middle, cost) = (self.plane, self.cost);
         let before = self.cost_of(simd, changed(middle, -by), f32::INFINITY);
         let after = self.cost_of(simd, changed(middle, by), f32::INFINITY);
-        let bend = before - 2.0 * cost + after;
+        let bend = before + after - 2.0 * cost;
         let vertex = if bend > 1e-6 && bend.is_finite() {
-            (0.5 * (before - after) / bend).clamp(-2.0, 2.0)
+            (0.5 * (before - after) * (1.0 / bend)).clamp(-2.0, 2.0)
         } else if before < after {
             -1.0
         } else {

@@ -56,7 +56,7 @@ impl Level<'_> {
         let [low, high] = self.range;
         plane.inverse_depth >= low
             && plane.inverse_depth <= high
-            && plane.facing(&self.raster, x, y) >= self.options.min_facing
+            && plane.is_facing(&self.raster, (x, y), self.options.min_facing)
     }
 
     /// Cost of a hypothesis in one source: `1 − NCC`, and forward-backward error where the source's depth is known.
@@ -85,7 +85,8 @@ fn forward_backward(
     (found, back): &(Arc<Found>, Transfer),
 ) -> Option<f32> {
     let [u, v, z] = source.transfer.apply(x, y, plane.inverse_depth);
-    let (u, v) = (u / z, v / z);
+    let scale = 1.0 / z;
+    let (u, v) = (u * scale, v * scale);
     let (column, row) = ((u + 0.5) as usize, (v + 0.5) as usize);
     if column >= source.texture.width || row >= source.texture.height {
         return None;
@@ -96,6 +97,7 @@ fn forward_backward(
     }
     let w = there.moved(u - column as f32, v - row as f32).inverse_depth;
     let [s, t, z] = back.apply(u, v, w);
-    let (s, t) = (s / z - x, t / z - y);
+    let scale = 1.0 / z;
+    let (s, t) = (s * scale - x, t * scale - y);
     Some((s * s + t * t).sqrt())
 }

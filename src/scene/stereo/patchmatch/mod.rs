@@ -1,7 +1,9 @@
 //! PatchMatch: the plane of every pixel of a view, found by comparing pictures.
 //!
 //! Works on pyramids of posed pinhole pictures alone; a pixel of one colour of the checkerboard depends only on the other
-//! colour and itself, and random numbers only on the pixel and its visit.
+//! colour and itself, and random numbers only on the pixel and its visit. Products are rounded before they are added,
+//! quotients are products with the reciprocal, and sums begin with what is no product, so that `stereo::gpu` comes to the
+//! same.
 
 mod contest;
 mod field;
@@ -9,6 +11,7 @@ mod hints;
 mod level;
 mod ncc;
 mod options;
+mod passes;
 mod picture;
 mod plane;
 mod random;
@@ -23,9 +26,14 @@ mod views;
 mod visit;
 mod window;
 
+pub(super) use field::{Color, Field};
+pub(super) use level::{Level, MAX_SOURCES, Source};
 pub use ncc::Transfer;
 pub use options::PatchMatchOptions;
+pub(super) use passes::Passes;
 pub use picture::Picture;
 pub use plane::{Plane, Raster};
 pub use search::{Found, Search, search, search_consistent};
-pub use texture::{Grey, Texture};
+pub(super) use search::{search_consistent_with, search_with};
+pub use texture::{Texture, Tones};
+pub(super) use visit::Turn;

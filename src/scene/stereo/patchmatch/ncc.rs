@@ -12,6 +12,10 @@ const ROUNDING: f32 = 12_582_912.0;
 const COUNTING: f32 = 8_388_608.0;
 /// Those bits.
 const COUNTING_MASK: u32 = 0x7F_FFFF;
+/// Colours that differ by this are wholly others: the sum over grey (0–255) and [`CHROMA_FACTOR`] times chroma.
+const COLOR_RANGE: f32 = 80.0;
+/// How much more chroma counts.
+const CHROMA_FACTOR: f32 = 2.0;
 
 /// The way from pixels of one view into another: `(x, y, 1)` at inverse depth `w` is seen at
 /// `matrix · (x, y, 1) + w · offset`, in homogeneous pixel indices.
@@ -28,7 +32,7 @@ impl Transfer {
     #[inline(always)]
     pub fn apply(&self, x: f32, y: f32, w: f32) -> [f32; 3] {
         let [a, b, c] = &self.matrix;
-        std::array::from_fn(|i| a[i] * x + b[i] * y + c[i] + self.offset[i] * w)
+        std::array::from_fn(|i| c[i] + a[i] * x + b[i] * y + self.offset[i] * w)
     }
 
     /// The plane's homography around a pixel: position, and change per pixel to the right and down.
@@ -43,7 +47,8 @@ impl Transfer {
 
 /// `1 − NCC` between a patch and where its plane is seen in a source picture, 0–2 (bilateral weights as in J. Schönberger
 /// et al., *Pixelwise View Selection for Unstructured Multi-View Stereo*, ECCV 2016); [`WORST`] where the centre is not
-/// seen. A little noise is added to both variances, so that flat patches are like nothing.
+/// seen. A little noise is added to both variances, so that flat patches are like nothing; they are told by how far mean
+/// and colour are off, up to a limit, which counts the less the more texture a patch has.
 #[inline(always)]
 pub fn cost<S: Simd>(
     simd: S,
@@ -90,7 +95,10 @@ fn compare<S: Simd>(comparison: &Comparison<'_, S>) -> f32 {
     for (quad, (&column, &row)) in quads.iter_mut().zip(places.columns.iter().zip(&places.rows)).take(TAPS) {
         *quad = texture.quads[row as usize * texture.width + column as usize];
     }
-    correlate(simd, patch, &quads, &places.share_x, &places.share_y)
+    let scale = 1.0 / z;
+    let chroma = texture.chroma_at(u * scale, v * scale);
+    let off = (chroma[0] - patch.chroma[0]).abs() + (chroma[1] - patch.chroma[1]).abs();
+    correlate(simd, patch, &quads, (&places.share_x, &places.share_y), CHROMA_FACTOR * off)
 }
 
 /// Which texels the taps lie between, and how far towards the right and lower one.
@@ -122,9 +130,9 @@ fn locate<S: Simd>(
     let (share_x, _) = S::as_mut_simd_f32s(&mut places.share_x);
     let (share_y, _) = S::as_mut_simd_f32s(&mut places.share_y);
     for k in 0..TAPS.div_ceil(S::F32_LANES) {
-        let x = simd.mul_add_e_f32s(dy[k], x2, simd.mul_add_e_f32s(dx[k], x1, x0));
-        let y = simd.mul_add_e_f32s(dy[k], y2, simd.mul_add_e_f32s(dx[k], y1, y0));
-        let z = simd.mul_add_e_f32s(dy[k], z2, simd.mul_add_e_f32s(dx[k], z1, z0));
+        let x = mul_add(simd, dy[k], x2, mul_add(simd, dx[k], x1, x0));
+        let y = mul_add(simd, dy[k], y2, mul_add(simd, dx[k], y1, y0));
+        let z = mul_add(simd, dy[k], z2, mul_add(simd, dx[k], z1, z0));
         let scale = simd.div_f32s(one, simd.max_f32s(z, least));
         let (column, part_x) = split(simd, simd.mul_f32s(x, scale), last_x);
         let (row, part_y) = split(simd, simd.mul_f32s(y, scale), last_y);
@@ -132,6 +140,12 @@ fn locate<S: Simd>(
         columns[k] = simd.and_u32s(simd.transmute_u32s_f32s(simd.add_f32s(column, counting)), mask);
         rows[k] = simd.and_u32s(simd.transmute_u32s_f32s(simd.add_f32s(row, counting)), mask);
     }
+}
+
+/// `a · b + c`, rounded twice: fused, processors and graphics cards would differ.
+#[inline(always)]
+fn mul_add<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
+    simd.add_f32s(simd.mul_f32s(a, b), c)
 }
 
 /// A position, kept within the picture, as the texel below it and the share of the way to the next.
@@ -151,14 +165,14 @@ fn float<S: Simd>(simd: S, bits: S::u32s) -> S::f32s {
     simd.sub_f32s(counted, simd.splat_f32s(COUNTING))
 }
 
-/// `1 − NCC` of a patch with bilinear samples.
+/// `1 − NCC` of a patch with bilinear samples, and what its mean and chroma being off cost.
 #[inline(always)]
 fn correlate<S: Simd>(
     simd: S,
     patch: &Patch,
     quads: &[u32; PADDED],
-    share_x: &[f32; PADDED],
-    share_y: &[f32; PADDED],
+    (share_x, share_y): (&[f32; PADDED], &[f32; PADDED]),
+    chroma_off: f32,
 ) -> f32 {
     let (quads, _) = S::as_simd_u32s(quads);
     let ((share_x, _), (share_y, _)) = (S::as_simd_f32s(share_x), S::as_simd_f32s(share_y));
@@ -170,16 +184,18 @@ fn correlate<S: Simd>(
         let (a, b) = (float(simd, quads[k]), float(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_8)));
         let c = float(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_16));
         let d = float(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_24));
-        let above = simd.mul_add_e_f32s(share_x[k], simd.sub_f32s(b, a), a);
-        let below = simd.mul_add_e_f32s(share_x[k], simd.sub_f32s(d, c), c);
-        let value = simd.mul_add_e_f32s(share_y[k], simd.sub_f32s(below, above), above);
+        let above = mul_add(simd, share_x[k], simd.sub_f32s(b, a), a);
+        let below = mul_add(simd, share_x[k], simd.sub_f32s(d, c), c);
+        let value = mul_add(simd, share_y[k], simd.sub_f32s(below, above), above);
         let heavy = simd.mul_f32s(weights[k], value);
         mean = simd.add_f32s(mean, heavy);
-        square = simd.mul_add_e_f32s(heavy, value, square);
-        cross = simd.mul_add_e_f32s(weighted[k], value, cross);
+        square = mul_add(simd, heavy, value, square);
+        cross = mul_add(simd, weighted[k], value, cross);
     }
     let (mean, square) = (simd.reduce_sum_f32s(mean), simd.reduce_sum_f32s(square));
     let cross = simd.reduce_sum_f32s(cross);
     let variance = (square - mean * mean).max(0.0);
-    1.0 - cross / ((patch.variance + NOISE) * (variance + NOISE)).sqrt()
+    let off = ((mean - patch.mean).abs() + chroma_off) * (1.0 / COLOR_RANGE);
+    let color = (patch.color_weight * off).min(patch.color_weight);
+    1.0 + color - cross * (1.0 / ((patch.variance + NOISE) * (variance + NOISE)).sqrt())
 }

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 
 use super::ncc::Transfer;
 use super::plane::Raster;
-use super::texture::{Grey, Texture};
+use super::texture::{Texture, Tones};
 use crate::geometry::{Camera, Pose};
 
 /// A posed pinhole picture with its pyramid, each level half the size of the one before.
@@ -21,12 +21,12 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// The pyramid of a grey picture (0–255), down to a longer side of at least `coarsest_px`.
+    /// The pyramid of a picture, down to a longer side of at least `coarsest_px`.
     #[must_use]
-    pub fn new(grey: Grey, camera: Camera, camera_from_world: Pose, coarsest_px: u32) -> Self {
-        let is_constant = grey.is_constant();
-        let mut levels = vec![Arc::new(Texture::new(&grey))];
-        let mut finest = grey;
+    pub fn new(tones: Tones, camera: Camera, camera_from_world: Pose, coarsest_px: u32) -> Self {
+        let is_constant = tones.is_constant();
+        let mut levels = vec![Arc::new(Texture::new(&tones))];
+        let mut finest = tones;
         while finest.width.max(finest.height) / 2 >= coarsest_px.max(32) as usize && finest.width.min(finest.height) > 1
         {
             finest = finest.halved();
@@ -38,7 +38,8 @@ impl Picture {
     /// Bytes of its pixels.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.levels.iter().map(|level| level.quads.len() * size_of::<u32>()).sum()
+        let texel = size_of::<u32>() + size_of::<[u8; 2]>();
+        self.levels.iter().map(|level| level.quads.len() * texel).sum()
     }
 
     /// Columns and rows of the finest level.

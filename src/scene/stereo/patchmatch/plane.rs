@@ -22,7 +22,8 @@ impl Raster {
     /// The viewing ray through a pixel's centre, with z = 1.
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32) -> Vec3 {
-        Vec3::new((x - self.principal[0]) / self.focal[0], (y - self.principal[1]) / self.focal[1], 1.0)
+        let [per_x, per_y] = self.focal.map(|focal| 1.0 / focal);
+        Vec3::new((x - self.principal[0]) * per_x, (y - self.principal[1]) * per_y, 1.0)
     }
 }
 
@@ -59,10 +60,11 @@ impl Plane {
         Self { inverse_depth, slope: [normal.x * scale / raster.focal[0], normal.y * scale / raster.focal[1]] }
     }
 
-    /// Cosine of the angle between the normal and the viewing ray.
+    /// Whether the cosine of the angle between the normal and the viewing ray is at least this.
     #[inline(always)]
-    pub fn facing(self, raster: &Raster, x: f32, y: f32) -> f32 {
-        let length = self.vector(raster, x, y).length() * raster.ray(x, y).length();
-        self.inverse_depth / length.max(f32::MIN_POSITIVE)
+    pub fn is_facing(self, raster: &Raster, (x, y): (f32, f32), least: f32) -> bool {
+        let ray = raster.ray(x, y);
+        let ray_squared = 1.0 + ray.x * ray.x + ray.y * ray.y;
+        self.inverse_depth >= least * (self.vector(raster, x, y).length_squared() * ray_squared).sqrt()
     }
 }

@@ -3,10 +3,10 @@ use std::sync::Arc;
 use super::field::Field;
 use super::hints::hints;
 use super::options::PatchMatchOptions;
+use super::passes::{Passes, Processor};
 use super::picture::Picture;
 use super::plane::Plane;
-use super::start::{Parts, coarse_mask, finer_field, level, random_field};
-use super::sweep::{score, sweep};
+use super::start::{Parts, coarse_mask, level, random_field};
 use super::visit::Turn;
 use crate::engine::job::{Progress, Stopped};
 
@@ -44,28 +44,42 @@ pub struct Found {
 /// # Errors
 /// [`Stopped`].
 pub fn search(search: &Search<'_>, options: &PatchMatchOptions, progress: &Progress) -> Result<Found, Stopped> {
+    search_with(&mut Processor, search, options, progress)
+}
+
+/// As [`search`], wherever the passes are carried out.
+///
+/// # Errors
+/// Those of the passes.
+pub fn search_with<P: Passes>(
+    passes: &mut P,
+    search: &Search<'_>,
+    options: &PatchMatchOptions,
+    progress: &Progress,
+) -> Result<Found, P::Error> {
     let parts = Parts::default();
     let mut visit = 0;
-    let mut coarser: Option<Field> = None;
+    let mut coarser: Option<P::Field> = None;
     for number in (0..search.reference.levels.len()).rev() {
         let masked = search.allowed.map(|allowed| coarse_mask(allowed, search.reference, number));
         let level = level(search, number, options, &parts, masked.as_deref());
         let iterations = if coarser.is_none() { options.coarse_iterations } else { options.fine_iterations };
         let first_reach = if coarser.is_none() { 16.0 } else { 2.0 };
         let mut field = match &coarser {
-            None => random_field(&level, search.seeds, number),
-            Some(coarser) => finer_field(&level, coarser),
+            None => passes.begin(&level, random_field(&level, search.seeds, number))?,
+            Some(coarser) => passes.finer(&level, coarser)?,
         };
-        score(&level, &mut field, progress)?;
+        passes.score(&level, &mut field, progress)?;
         for iteration in 0..iterations {
             let reach = first_reach * 0.5f32.powi(iteration as i32);
             let draws = if coarser.is_none() { 1 } else { options.restarts };
-            sweep(&level, &mut field, Turn { visit, iteration, reach, draws }, progress)?;
+            passes.sweep(&level, &mut field, Turn { visit, iteration, reach, draws }, progress)?;
             visit += 1;
         }
         coarser = Some(field);
     }
-    Ok(coarser.map(|field| found(&field)).unwrap_or_default())
+    let field = coarser.map(|field| passes.finish(field)).transpose()?;
+    Ok(field.map(|field| found(&field)).unwrap_or_default())
 }
 
 /// A round with geometric consistency: starts from an earlier round's planes and compares with those of the sources
@@ -81,6 +95,22 @@ pub fn search_consistent(
     options: &PatchMatchOptions,
     progress: &Progress,
 ) -> Result<Found, Stopped> {
+    search_consistent_with(&mut Processor, search, start, others, round, options, progress)
+}
+
+/// As [`search_consistent`], wherever the passes are carried out.
+///
+/// # Errors
+/// Those of the passes.
+pub fn search_consistent_with<P: Passes>(
+    passes: &mut P,
+    search: &Search<'_>,
+    start: &Found,
+    others: &[Option<Arc<Found>>],
+    round: u32,
+    options: &PatchMatchOptions,
+    progress: &Progress,
+) -> Result<Found, P::Error> {
     let parts = Parts::default();
     let mut level = level(search, 0, options, &parts, search.allowed);
     for ((source, picture), found) in level.sources.iter_mut().zip(search.sources).zip(others) {
@@ -92,13 +122,14 @@ pub fn search_consistent(
     for (at, &plane) in start.planes.iter().enumerate() {
         field.set(at % start.width, at / start.width, plane, super::ncc::WORST);
     }
-    score(&level, &mut field, progress)?;
+    let mut field = passes.begin(&level, field)?;
+    passes.score(&level, &mut field, progress)?;
     for iteration in 0..options.geometric_iterations {
         let visit = 64 * (round + 1) + iteration;
         let reach = 0.5f32.powi((round + iteration) as i32);
-        sweep(&level, &mut field, Turn { visit, iteration: iteration + 2, reach, draws: 0 }, progress)?;
+        passes.sweep(&level, &mut field, Turn { visit, iteration: iteration + 2, reach, draws: 0 }, progress)?;
     }
-    Ok(found(&field))
+    Ok(found(&passes.finish(field)?))
 }
 
 fn found(field: &Field) -> Found {

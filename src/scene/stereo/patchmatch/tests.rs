@@ -3,7 +3,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::ncc::{Transfer, cost};
 use super::plane::{Plane, Raster};
 use super::random::Dice;
-use super::texture::{Grey, Texture};
+use super::texture::{Texture, Tones};
 use super::window::{NOISE, Patch, TAPS, Window};
 
 struct Cost<'a>(&'a Texture, &'a Texture, &'a Transfer, (Plane, f32, f32));
@@ -21,13 +21,14 @@ impl WithSimd for Cost<'_> {
 
 fn noise(seed: u32) -> Texture {
     let grey = |at: u32| 40.0 + 150.0 * Dice::new(seed, 0, at).unit();
-    Texture::new(&Grey { width: 40, height: 30, values: (0..1200).map(grey).collect() })
+    Texture::new(&Tones { width: 40, height: 30, luma: (0..1200).map(grey).collect(), chroma: Vec::new() })
 }
 
 /// The same in double precision, tap by tap.
 fn plain(reference: &Texture, source: &Texture, transfer: &Transfer, (plane, x, y): (Plane, f32, f32)) -> f64 {
     let window = Window::default();
-    let weights = Patch::new(&window, reference, x as usize, y as usize).weights.map(f64::from);
+    let patch = Patch::new(&window, reference, x as usize, y as usize);
+    let weights = patch.weights.map(f64::from);
     let mut pairs = [(0.0, 0.0); TAPS];
     for (tap, pair) in pairs.iter_mut().enumerate() {
         let (dx, dy) = (window.dx[tap], window.dy[tap]);
@@ -43,7 +44,8 @@ fn plain(reference: &Texture, source: &Texture, transfer: &Transfer, (plane, x, 
     let (a, b) = (mean(&|p| p.0), mean(&|p| p.1));
     let cross = mean(&|p| (p.0 - a) * (p.1 - b));
     let (va, vb) = (mean(&|p| (p.0 - a).powi(2)), mean(&|p| (p.1 - b).powi(2)));
-    1.0 - cross / ((va + f64::from(NOISE)) * (vb + f64::from(NOISE))).sqrt()
+    let color = f64::from(patch.color_weight) * ((a - b).abs() / 80.0).min(1.0);
+    1.0 + color - cross / ((va + f64::from(NOISE)) * (vb + f64::from(NOISE))).sqrt()
 }
 
 #[test]

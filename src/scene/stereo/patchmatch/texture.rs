@@ -1,29 +1,40 @@
-/// A grey picture, values 0–255, row by row.
+/// A picture as it is compared, row by row.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Grey {
+pub struct Tones {
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// `width · height` values.
-    pub values: Vec<f32>,
+    /// `width · height` greys, 0–255.
+    pub luma: Vec<f32>,
+    /// `width · height` colours apart from grey (blue, red), −128–127; empty = grey throughout.
+    pub chroma: Vec<[f32; 2]>,
 }
 
-impl Grey {
+impl Tones {
     /// The picture of half the size, each pixel the mean of four; an odd last row or column is left off.
     pub fn halved(&self) -> Self {
         let (width, height) = (self.width / 2, self.height / 2);
-        let at = |x: usize, y: usize| self.values[y * self.width + x];
-        let mean = |x: usize, y: usize| 0.25 * (at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1));
-        let values = (0..height).flat_map(|y| (0..width).map(move |x| mean(2 * x, 2 * y))).collect();
-        Self { width, height, values }
+        let firsts: Vec<usize> = (0..height)
+            .flat_map(|y| (0..width).map(move |x| (2 * x, 2 * y)))
+            .map(|(x, y)| y * self.width + x)
+            .collect();
+        let luma = firsts.iter().map(|&at| quarter(|off| self.luma[at + off], self.width)).collect();
+        let mixed = |&at: &usize| std::array::from_fn(|k| quarter(|off| self.chroma[at + off][k], self.width));
+        let chroma = if self.chroma.is_empty() { Vec::new() } else { firsts.iter().map(mixed).collect() };
+        Self { width, height, luma, chroma }
     }
 
     /// Whether no two pixels differ by more than rounding.
     pub fn is_constant(&self) -> bool {
-        let (low, high) = self.values.iter().fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
-        self.values.is_empty() || high - low < 2.0
+        let (low, high) = self.luma.iter().fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
+        self.luma.is_empty() || high - low < 2.0
     }
+}
+
+/// The mean of a pixel and those to the right of it and below.
+fn quarter(at: impl Fn(usize) -> f32, width: usize) -> f32 {
+    0.25 * (at(0) + at(1) + at(width) + at(width + 1))
 }
 
 /// A picture made ready for bilinear sampling: each element holds four neighbouring greys, so that a sample is one load.
@@ -35,13 +46,15 @@ pub struct Texture {
     pub height: usize,
     /// Greys 0–255 of (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), from the lowest byte on.
     pub quads: Vec<u32>,
+    /// Colours apart from grey (blue, red) of each pixel, 128 = grey.
+    pub chroma: Vec<[u8; 2]>,
 }
 
 impl Texture {
-    /// The texture of a picture, greys rounded to 8 bits.
-    pub fn new(grey: &Grey) -> Self {
-        let (width, height) = (grey.width, grey.height);
-        let bytes: Vec<u8> = grey.values.iter().map(|&value| (value + 0.5) as u8).collect();
+    /// The texture of a picture, rounded to 8 bits.
+    pub fn new(tones: &Tones) -> Self {
+        let (width, height) = (tones.width, tones.height);
+        let bytes: Vec<u8> = tones.luma.iter().map(|&value| (value + 0.5) as u8).collect();
         let mut quads = Vec::with_capacity(bytes.len());
         for y in 0..height {
             let rows = [y * width, (y + 1).min(height - 1) * width];
@@ -51,12 +64,30 @@ impl Texture {
                 quads.push(u32::from_le_bytes(quad));
             }
         }
-        Self { width, height, quads }
+        let biased = |chroma: &[f32; 2]| chroma.map(|value| (value + 128.5) as u8);
+        let mut chroma: Vec<[u8; 2]> = tones.chroma.iter().map(biased).collect();
+        chroma.resize(quads.len(), [128; 2]);
+        Self { width, height, quads, chroma }
     }
 
     /// The grey of a pixel.
     #[inline(always)]
     pub fn grey(&self, x: usize, y: usize) -> u8 {
         self.quads[y * self.width + x] as u8
+    }
+
+    /// The colour at a place within the picture, between its four pixels.
+    #[inline(always)]
+    pub fn chroma_at(&self, u: f32, v: f32) -> [f32; 2] {
+        let (left, top) = ((u as usize).min(self.width - 1), (v as usize).min(self.height - 1));
+        let (right, bottom) = ((left + 1).min(self.width - 1), (top + 1).min(self.height - 1));
+        let (share_x, share_y) = (u - left as f32, v - top as f32);
+        let corner = |x: usize, y: usize| self.chroma[y * self.width + x].map(f32::from);
+        let (a, b, c, d) = (corner(left, top), corner(right, top), corner(left, bottom), corner(right, bottom));
+        std::array::from_fn(|k| {
+            let above = share_x * (b[k] - a[k]) + a[k];
+            let below = share_x * (d[k] - c[k]) + c[k];
+            share_y * (below - above) + above
+        })
     }
 }

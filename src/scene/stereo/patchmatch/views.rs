@@ -40,7 +40,7 @@ pub fn choose_views(
             bads += if cost > BAD { times } else { 0 };
         }
         if 4 * goods > total && 3 * bads < total {
-            *weight = sum / goods as f32;
+            *weight = sum * (1.0 / goods as f32);
         }
     }
     if weights.iter().all(|&weight| weight <= 0.0) {
@@ -52,7 +52,7 @@ pub fn choose_views(
 /// `exp(−c² / (2 · 0.3²))` by its rational approximation.
 #[inline(always)]
 fn likelihood(cost: f32) -> f32 {
-    let x = cost * cost * (1.0 / 0.18);
+    let x = cost * (1.0 / 0.18) * cost;
     let y = 1.0 + x * (0.25 + x * 0.031_25);
     1.0 / (y * y * y * y)
 }
@@ -92,8 +92,9 @@ fn ranked(mut weights: [f32; MAX_SOURCES], sources: usize, best_views: usize) ->
         (order[count], left[best]) = (best as u8, 0.0);
         count += 1;
     }
+    let scale = 1.0 / sum;
     for (weight, left) in weights.iter_mut().zip(left) {
-        *weight = if left > 0.0 { 0.0 } else { *weight / sum };
+        *weight = if left > 0.0 { 0.0 } else { *weight * scale };
     }
     ViewWeights { weights, order, count }
 }

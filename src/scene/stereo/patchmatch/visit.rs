@@ -21,6 +21,33 @@ pub struct Turn {
     pub draws: u32,
 }
 
+impl Turn {
+    /// A cost below this says that a view sees the surface.
+    pub fn good(self) -> f32 {
+        0.8 - 0.03 * self.iteration.min(10) as f32
+    }
+
+    /// How the hypothesis of a pixel is changed at a level.
+    pub fn changes(self, level: &Level<'_>) -> Changes {
+        let near = level.step * self.reach.min(1.0);
+        let depth = self.reach * level.step;
+        Changes { depth, slope: 0.25 * self.reach.min(2.0), by_depth: 0.25 * near, by_slope: 0.1 * near }
+    }
+}
+
+/// How far a hypothesis is changed.
+#[derive(Debug, Clone, Copy)]
+pub struct Changes {
+    /// Reach of random changes of inverse depth.
+    pub depth: f32,
+    /// Reach of random changes of slope, as a share.
+    pub slope: f32,
+    /// Step of the parabola along the inverse depth.
+    pub by_depth: f32,
+    /// Step of the parabola along the slope.
+    pub by_slope: f32,
+}
+
 /// The best hypothesis for a pixel, of its own, those of the other colour around it, and changed ones.
 pub fn visit<S: Simd>(
     simd: S,
@@ -44,8 +71,8 @@ pub fn visit<S: Simd>(
             *cost = level.cost(simd, &patch, (plane, u, v), source);
         }
     }
-    let good = 0.8 - 0.03 * turn.iteration.min(10) as f32;
-    let views = choose_views(&costs[..count], &times[..count], level.sources.len(), good, level.options.best_views);
+    let sources = level.sources.len();
+    let views = choose_views(&costs[..count], &times[..count], sources, turn.good(), level.options.best_views);
     let mut contest = Contest { level, patch, x: u, y: v, views, plane: own, cost: f32::INFINITY };
     for (costs, &plane) in costs[..count].iter().zip(&planes) {
         let cost: f32 = views.weights.iter().zip(costs).map(|(weight, cost)| weight * cost).sum();

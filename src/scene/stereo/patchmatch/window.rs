@@ -8,6 +8,12 @@ pub const PADDED: usize = 32;
 const REACH: i32 = 2;
 /// Grey difference of `exp(−½)` in the weights.
 const GREY_SIGMA: f32 = 30.0;
+/// The same of colour, apart from grey: it tells a leaf from what lies behind it where both are equally bright.
+const CHROMA_SIGMA: f32 = 30.0;
+/// Cost of a colour that is wholly another, where a patch has no texture.
+const COLOR_WEIGHT: f32 = 0.6;
+/// Variance of grey at which colour counts half as much: texture tells more, and does not change with the light.
+const COLOR_VARIANCE: f32 = 100.0;
 /// Variance of grey (0–255) that is taken for noise.
 pub const NOISE: f32 = 2.0;
 
@@ -18,8 +24,12 @@ pub struct Window {
     pub dx: [f32; PADDED],
     /// Offsets in pixels from the centre.
     pub dy: [f32; PADDED],
-    near: [f32; PADDED],
-    alike: [f32; 256],
+    /// Weight by distance.
+    pub near: [f32; PADDED],
+    /// Weight by difference of grey.
+    pub alike: [f32; 256],
+    /// Weight by difference of either part of chroma.
+    pub alike_chroma: [f32; 256],
 }
 
 /// One pixel's surroundings in the reference picture, made ready for NCC with bilateral weights.
@@ -31,6 +41,12 @@ pub struct Patch {
     pub weighted: [f32; PADDED],
     /// Weighted variance of grey.
     pub variance: f32,
+    /// Weighted mean of grey.
+    pub mean: f32,
+    /// The pixel's colour apart from grey, 128 = grey.
+    pub chroma: [f32; 2],
+    /// Cost of a colour that is wholly another.
+    pub color_weight: f32,
 }
 
 impl Default for Window {
@@ -41,8 +57,8 @@ impl Default for Window {
         let dy = std::array::from_fn(|tap| (around(tap) / side - REACH) as f32);
         let spread = 2.0 * (REACH * REACH) as f32;
         let near = std::array::from_fn(|tap| (-(dx[tap] * dx[tap] + dy[tap] * dy[tap]) / spread).exp());
-        let alike = std::array::from_fn(|grey| (-0.5 * (grey as f32 / GREY_SIGMA).powi(2)).exp());
-        Self { dx, dy, near, alike }
+        let alike = |sigma: f32| std::array::from_fn(|off| (-0.5 * (off as f32 / sigma).powi(2)).exp());
+        Self { dx, dy, near, alike: alike(GREY_SIGMA), alike_chroma: alike(CHROMA_SIGMA) }
     }
 }
 
@@ -50,17 +66,19 @@ impl Patch {
     /// The patch around a pixel; positions beyond the border take the border's grey.
     #[inline(always)]
     pub fn new(window: &Window, picture: &Texture, x: usize, y: usize) -> Self {
-        let centre = picture.grey(x, y);
+        let (centre, own) = (picture.grey(x, y), picture.chroma[y * picture.width + x]);
         let mut values = [0.0; TAPS];
         let mut weights = [0.0; PADDED];
         for tap in 0..TAPS {
             let column = (x as f32 + window.dx[tap]).max(0.0) as usize;
             let row = (y as f32 + window.dy[tap]).max(0.0) as usize;
-            let grey = picture.grey(column.min(picture.width - 1), row.min(picture.height - 1));
+            let (column, row) = (column.min(picture.width - 1), row.min(picture.height - 1));
+            let (grey, chroma) = (picture.grey(column, row), picture.chroma[row * picture.width + column]);
+            let [blue, red] = [0, 1].map(|k| window.alike_chroma[usize::from(chroma[k].abs_diff(own[k]))]);
             values[tap] = f32::from(grey);
-            weights[tap] = window.near[tap] * window.alike[usize::from(grey.abs_diff(centre))];
+            weights[tap] = window.near[tap] * window.alike[usize::from(grey.abs_diff(centre))] * (blue * red);
         }
-        Self::weigh(&values, weights)
+        Self { chroma: own.map(f32::from), ..Self::weigh(&values, weights) }
     }
 
     #[inline(always)]
@@ -80,6 +98,7 @@ impl Patch {
             weighted[tap] = weights[tap] * off;
             variance += weighted[tap] * off;
         }
-        Self { weights, weighted, variance }
+        let color_weight = COLOR_WEIGHT * COLOR_VARIANCE * (1.0 / (variance + COLOR_VARIANCE));
+        Self { weights, weighted, variance, mean, chroma: [0.0; 2], color_weight }
     }
 }

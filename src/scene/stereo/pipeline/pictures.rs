@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use crate::frames::{Frame, FrameStore};
 use crate::scene::stereo::patchmatch::Picture;
-use crate::scene::stereo::raster::{grey, raster_camera, raster_image};
+use crate::scene::stereo::raster::{raster_camera, raster_image, tones};
 
 /// The pictures that are worked on, as pyramids; the latest used are kept up to a budget.
 pub struct Pictures<'a> {
@@ -41,7 +41,7 @@ impl<'a> Pictures<'a> {
         let (lens, pose) = frame.posed_camera().ok_or_else(|| format!("frame '{}' has no camera", frame.name))?;
         let image = raster_image(frame, lens, self.store, self.max_side).map_err(|error| error.to_string())?;
         let camera = raster_camera(lens, self.max_side);
-        let picture = Arc::new(Picture::new(grey(&image), camera, *pose, self.coarsest_px));
+        let picture = Arc::new(Picture::new(tones(&image), camera, *pose, self.coarsest_px));
         self.make_room(picture.bytes());
         self.kept.insert(number, (self.clock, Arc::clone(&picture)));
         Ok(picture)

@@ -8,9 +8,9 @@ use super::store::{DepthStore, Stage};
 use crate::engine::job::Progress;
 use crate::frames::cameras::SparsePoints;
 use crate::frames::{Frame, FrameStore};
-use crate::scene::stereo::filter::{FilterOptions, Neighbour, filter};
-use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Search, search, search_consistent};
-use crate::scene::stereo::{DepthEstimate, SelectOptions, StereoError};
+use crate::scene::stereo::filter::{FilterOptions, Neighbour, filter, snapped};
+use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Search};
+use crate::scene::stereo::{DepthEstimate, Engine, SelectOptions, StereoError};
 
 /// How depth is made of posed pictures.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -57,6 +57,8 @@ pub struct StereoRequest<'a> {
     pub sparse: &'a SparsePoints,
     /// Masked reconstruction.
     pub mask: RasterMask<'a>,
+    /// What it runs on.
+    pub engine: &'a Engine,
 }
 
 /// Depth of every view that can have one: PatchMatch by the pictures alone, rounds with geometric consistency, filtering.
@@ -64,7 +66,7 @@ pub struct StereoRequest<'a> {
 /// of each view.
 ///
 /// # Errors
-/// [`StereoError::Scene`] where `depths` fails, [`StereoError::Stopped`]; what was kept until then stays.
+/// [`StereoError::Scene`] where `depths` fails, [`StereoError::Gpu`], [`StereoError::Stopped`]; what was kept until then stays.
 pub fn estimate_depths(
     request: &StereoRequest<'_>,
     store: &FrameStore,
@@ -120,7 +122,7 @@ fn one_round(
         allowed: allowed.as_deref(),
     };
     let found = if round == 0 {
-        search(&task, &options.patchmatch, progress)?
+        request.engine.search(&task, &options.patchmatch, progress)?
     } else {
         let before = Stage::Round(round - 1);
         let found_of = |number: usize, picture: &Picture| -> Result<Option<Found>, StereoError> {
@@ -136,7 +138,7 @@ fn one_round(
         }
         let unknown = || DepthEstimate::empty(reference.camera).found(&reference);
         let start = found_of(view.frame, &reference)?.unwrap_or_else(unknown);
-        search_consistent(&task, &start, &others, round - 1, &options.patchmatch, progress)?
+        request.engine.search_consistent(&task, &start, &others, round - 1, &options.patchmatch, progress)?
     };
     Ok(DepthEstimate::new(&found, &reference))
 }
@@ -161,6 +163,7 @@ fn filter_all(
                 let Some(estimate) = depths.load(number, last)? else { continue };
                 neighbours.push(Neighbour::new(&reference, get(number)?.as_ref(), estimate));
             }
+            let own = snapped(&own, &reference.levels[0], &options.filter.snap);
             let filtered = filter(&own, &neighbours, &options.filter);
             depths.save(view.frame, Stage::Filtered, filtered)?;
         }

@@ -4,5 +4,6 @@ mod fusing;
 mod gaps;
 mod resuming;
 mod searching;
+mod snapping;
 mod views;
 mod wall;

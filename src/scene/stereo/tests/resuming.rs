@@ -5,7 +5,7 @@ use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore};
 use crate::scene::SceneError;
 use crate::scene::stereo::{
-    DepthEstimate, DepthStore, MemoryDepths, Stage, StereoError, StereoOptions, StereoRequest, estimate_depths,
+    DepthEstimate, DepthStore, Engine, MemoryDepths, Stage, StereoError, StereoOptions, StereoRequest, estimate_depths,
 };
 
 /// Notes what is made, and asks for a stop after so many.
@@ -51,7 +51,8 @@ fn a_run_goes_on_where_the_one_before_was_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let frames: Vec<Frame> = (0..3).map(|index| frame(folder.path(), index, &grey(&pose(index)))).collect();
     let sparse = sparse(&[0, 1, 2]);
-    let request = StereoRequest { frames: &frames, views: &[0, 1, 2], sparse: &sparse, mask: &|_, _| None };
+    let request =
+        StereoRequest { frames: &frames, views: &[0, 1, 2], sparse: &sparse, mask: &|_, _| None, engine: &Engine::Cpu };
     let options = StereoOptions { max_side: 80, rounds: 2, ..StereoOptions::default() };
     let run = |noted: &Noted| estimate_depths(&request, &FrameStore::new(1 << 20), noted, &options, &noted.progress);
     let new = |stop_after| Noted {

@@ -1,9 +1,9 @@
 use super::wall::{camera, frame, grey, pose, sparse};
 use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore};
-use crate::scene::stereo::patchmatch::Grey;
+use crate::scene::stereo::patchmatch::Tones;
 use crate::scene::stereo::{
-    DepthStore, MemoryDepths, SelectOptions, Stage, StereoOptions, StereoRequest, ViewOutcome, estimate_depths,
+    DepthStore, Engine, MemoryDepths, SelectOptions, Stage, StereoOptions, StereoRequest, ViewOutcome, estimate_depths,
     select_sources,
 };
 
@@ -31,14 +31,15 @@ fn what_cannot_be_compared_is_told_and_the_rest_done() {
     let folder = tempfile::tempdir().unwrap();
     let mut frames = frames(folder.path(), 4);
     let (width, height) = (camera().width as usize, camera().height as usize);
-    let flat = Grey { width, height, values: vec![90.0; width * height] };
+    let flat = Tones { width, height, luma: vec![90.0; width * height], chroma: Vec::new() };
     frames.push(frame(folder.path(), 4, &flat));
     frames.push(frame(folder.path(), 5, &flat));
     frames.push(Frame { camera: None, ..frames[0].clone() });
     std::fs::remove_file(folder.path().join("5.png")).unwrap();
     let sparse = sparse(&[0, 1, 2]);
     let views = [0, 1, 2, 3, 4, 5, 6];
-    let request = StereoRequest { frames: &frames, views: &views, sparse: &sparse, mask: &|_, _| None };
+    let request =
+        StereoRequest { frames: &frames, views: &views, sparse: &sparse, mask: &|_, _| None, engine: &Engine::Cpu };
     let (store, depths) = (FrameStore::new(1 << 20), MemoryDepths::default());
     let options = StereoOptions { max_side: 160, ..StereoOptions::default() };
     let outcomes = estimate_depths(&request, &store, &depths, &options, &Progress::default()).unwrap();

@@ -6,7 +6,7 @@ use glam::{DQuat, DVec2, DVec3};
 use crate::frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use crate::frames::{Frame, FrameCamera, PictureSource};
 use crate::geometry::{Camera, Pose};
-use crate::scene::stereo::patchmatch::{Grey, Picture};
+use crate::scene::stereo::patchmatch::{Picture, Tones};
 
 /// Columns and rows of the pictures.
 pub const SIZE: (u32, u32) = (160, 120);
@@ -44,10 +44,11 @@ fn paint(x: DVec3) -> f32 {
     (127.5 + 30.0 * sum) as f32
 }
 
-pub fn grey(pose: &Pose) -> Grey {
+pub fn grey(pose: &Pose) -> Tones {
     let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
     let at = |i: usize| DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-    Grey { width, height, values: (0..width * height).map(|i| paint(seen(pose, at(i)).0)).collect() }
+    let luma = (0..width * height).map(|i| paint(seen(pose, at(i)).0)).collect();
+    Tones { width, height, luma, chroma: Vec::new() }
 }
 
 pub fn picture(index: usize) -> Arc<Picture> {
@@ -55,9 +56,9 @@ pub fn picture(index: usize) -> Arc<Picture> {
 }
 
 /// A frame whose picture is written into a folder.
-pub fn frame(folder: &Path, index: usize, grey: &Grey) -> Frame {
+pub fn frame(folder: &Path, index: usize, grey: &Tones) -> Frame {
     let name = format!("{index}.png");
-    let bytes: Vec<u8> = grey.values.iter().flat_map(|&value| [(value + 0.5) as u8; 3]).collect();
+    let bytes: Vec<u8> = grey.luma.iter().flat_map(|&value| [(value + 0.5) as u8; 3]).collect();
     image::save_buffer(folder.join(&name), &bytes, SIZE.0, SIZE.1, image::ColorType::Rgb8).unwrap();
     Frame {
         picture: PictureSource::File { path: folder.join(&name), orientation: Default::default() },

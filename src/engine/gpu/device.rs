@@ -1,0 +1,114 @@
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use super::error::GpuError;
+
+/// How long a device may work on one piece before it counts as hung.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Whether an adapter that computes on the processor will do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Software {
+    /// Where there is no graphics card.
+    Allowed,
+    /// Not at all.
+    Refused,
+}
+
+/// A device that computes, with the limits that every adapter has. Errors of the driver are kept and told by the next call
+/// that can fail.
+pub struct Device {
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    name: String,
+    is_software: bool,
+    fault: Arc<Mutex<Option<GpuError>>>,
+}
+
+impl Device {
+    /// Opens the best adapter: a card of its own, then one in the processor's chip, then others. Takes up to seconds.
+    ///
+    /// # Errors
+    /// [`GpuError::NoAdapter`], [`GpuError::SoftwareOnly`], [`GpuError::Refused`].
+    pub fn open(software: Software) -> Result<Self, GpuError> {
+        let instance = wgpu::Instance::default();
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+        let best = adapters.into_iter().min_by_key(|adapter| rank(adapter.get_info().device_type));
+        let adapter = best.ok_or(GpuError::NoAdapter)?;
+        let info = adapter.get_info();
+        let is_software = info.device_type == wgpu::DeviceType::Cpu;
+        if is_software && software == Software::Refused {
+            return Err(GpuError::SoftwareOnly { name: info.name });
+        }
+        let wish = wgpu::DeviceDescriptor { label: Some("compute"), ..Default::default() };
+        let (device, queue) = pollster::block_on(adapter.request_device(&wish))
+            .map_err(|error| GpuError::Refused { name: info.name.clone(), what: error.to_string() })?;
+        let fault = Arc::new(Mutex::new(None));
+        listen(&device, &fault);
+        Ok(Self { device, queue, name: info.name, is_software, fault })
+    }
+
+    /// What the adapter calls itself.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Whether it computes on the processor.
+    #[must_use]
+    pub fn is_software(&self) -> bool {
+        self.is_software
+    }
+
+    /// Waits until all that was submitted up to a point is done.
+    pub(super) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<(), GpuError> {
+        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(PATIENCE) };
+        let polled = self.device.poll(wait);
+        self.check()?;
+        match polled {
+            Ok(_) => Ok(()),
+            Err(wgpu::PollError::Timeout) => Err(GpuError::NoAnswer { seconds: PATIENCE.as_secs() }),
+            Err(error) => Err(GpuError::Failed { what: error.to_string() }),
+        }
+    }
+
+    /// Tells the first error that the driver told since the device was opened; what it does after one is worth nothing.
+    pub(super) fn check(&self) -> Result<(), GpuError> {
+        let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        fault.clone().map_or(Ok(()), Err)
+    }
+}
+
+impl fmt::Debug for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Device").field("name", &self.name).field("is_software", &self.is_software).finish()
+    }
+}
+
+fn rank(kind: wgpu::DeviceType) -> u8 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+/// Keeps the first error; without these, wgpu panics.
+fn listen(device: &wgpu::Device, fault: &Arc<Mutex<Option<GpuError>>>) {
+    let keep = |fault: &Mutex<Option<GpuError>>, error: GpuError| {
+        fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+    };
+    let (failed, lost) = (Arc::clone(fault), Arc::clone(fault));
+    device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+        keep(&failed, GpuError::Failed { what: error.to_string() });
+    }));
+    device.set_device_lost_callback(move |reason, what| {
+        // Dropping the device counts as losing it.
+        if reason != wgpu::DeviceLostReason::Destroyed {
+            keep(&lost, GpuError::Lost { what });
+        }
+    });
+}

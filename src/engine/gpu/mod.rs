@@ -1,0 +1,17 @@
+//! Computing on a graphics card: open a device, compile WGSL, buffers, dispatch in short pieces, read back.
+//!
+//! May use: `wgpu`. Must not touch: egui, any domain word.
+
+mod buffer;
+mod device;
+mod error;
+mod pieces;
+mod program;
+#[cfg(test)]
+mod tests;
+
+pub use buffer::Buffer;
+pub use device::{Device, Software};
+pub use error::GpuError;
+pub use pieces::Pieces;
+pub use program::{Binding, Bindings, Kernel, Program, Submission};

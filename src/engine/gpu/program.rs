@@ -1,0 +1,134 @@
+use super::buffer::Buffer;
+use super::device::Device;
+use super::error::GpuError;
+
+/// What a program does with a buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Binding {
+    /// `var<uniform>`.
+    Uniform,
+    /// `var<storage, read>`.
+    Read,
+    /// `var<storage, read_write>`.
+    ReadWrite,
+}
+
+/// Compiled WGSL whose entry points all take the same buffers, `@group(0) @binding(0)` and on.
+#[derive(Debug)]
+pub struct Program {
+    label: &'static str,
+    module: wgpu::ShaderModule,
+    buffers: wgpu::BindGroupLayout,
+    layout: wgpu::PipelineLayout,
+}
+
+/// One entry point of a program, ready to run.
+#[derive(Debug)]
+pub struct Kernel {
+    pipeline: wgpu::ComputePipeline,
+}
+
+/// The buffers that a kernel works on.
+#[derive(Debug)]
+pub struct Bindings {
+    group: wgpu::BindGroup,
+}
+
+/// Work on its way to the device.
+#[derive(Debug)]
+pub struct Submission(wgpu::SubmissionIndex);
+
+impl Device {
+    /// Compiles WGSL.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn program(&self, label: &'static str, wgsl: &str, bindings: &[Binding]) -> Result<Program, GpuError> {
+        let source = wgpu::ShaderSource::Wgsl(wgsl.into());
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source });
+        let entries: Vec<_> = (0..).zip(bindings).map(|(binding, kind)| entry(binding, *kind)).collect();
+        let buffers = self
+            .device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries });
+        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(label),
+            bind_group_layouts: &[Some(&buffers)],
+            immediate_size: 0,
+        });
+        self.check()?;
+        Ok(Program { label, module, buffers, layout })
+    }
+
+    /// Makes an entry point of a program ready.
+    ///
+    /// # Errors
+    /// What the driver said.
+    pub fn kernel(&self, program: &Program, entry_point: &str) -> Result<Kernel, GpuError> {
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(program.label),
+            layout: Some(&program.layout),
+            module: &program.module,
+            entry_point: Some(entry_point),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        self.check()?;
+        Ok(Kernel { pipeline })
+    }
+
+    /// Puts buffers together in the order of the program's bindings.
+    ///
+    /// # Errors
+    /// What the driver said.
+    pub fn bind(&self, program: &Program, buffers: &[&Buffer]) -> Result<Bindings, GpuError> {
+        let resources = buffers.iter().map(|buffer| buffer.buffer.as_entire_binding());
+        let entries: Vec<_> =
+            (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
+        let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(program.label),
+            layout: &program.buffers,
+            entries: &entries,
+        });
+        self.check()?;
+        Ok(Bindings { group })
+    }
+
+    /// Sends off so many workgroups to the right and down, and does not wait.
+    ///
+    /// # Errors
+    /// What the driver said.
+    pub fn submit(&self, kernel: &Kernel, bindings: &Bindings, groups: [u32; 2]) -> Result<Submission, GpuError> {
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&kernel.pipeline);
+            pass.set_bind_group(0, &bindings.group, &[]);
+            pass.dispatch_workgroups(groups[0], groups[1], 1);
+        }
+        let submission = self.queue.submit([encoder.finish()]);
+        self.check()?;
+        Ok(Submission(submission))
+    }
+
+    /// Waits until a piece of work, and all before it, is done.
+    ///
+    /// # Errors
+    /// What the driver said, [`GpuError::NoAnswer`] after two minutes.
+    pub fn wait(&self, submission: Submission) -> Result<(), GpuError> {
+        self.wait_for(submission.0)
+    }
+}
+
+fn entry(binding: u32, kind: Binding) -> wgpu::BindGroupLayoutEntry {
+    let ty = match kind {
+        Binding::Uniform => wgpu::BufferBindingType::Uniform,
+        Binding::Read => wgpu::BufferBindingType::Storage { read_only: true },
+        Binding::ReadWrite => wgpu::BufferBindingType::Storage { read_only: false },
+    };
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+        count: None,
+    }
+}

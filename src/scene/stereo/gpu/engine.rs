@@ -1,0 +1,80 @@
+use std::sync::Arc;
+
+use super::kernels::Kernels;
+use super::passes::CardPasses;
+use crate::engine::gpu::{Device, GpuError};
+use crate::engine::job::Progress;
+use crate::scene::stereo::StereoError;
+use crate::scene::stereo::patchmatch::{
+    Found, PatchMatchOptions, Search, search, search_consistent, search_consistent_with, search_with,
+};
+
+/// What PatchMatch runs on.
+#[derive(Debug, Clone, Default)]
+pub enum Engine {
+    /// All cores of the processor.
+    #[default]
+    Cpu,
+    /// A graphics card.
+    Gpu(Arc<Kernels>),
+}
+
+impl Engine {
+    /// A device with the programs compiled for it; takes up to seconds.
+    ///
+    /// # Errors
+    /// [`GpuError`] where the device does not take them.
+    pub fn on(device: Arc<Device>) -> Result<Self, GpuError> {
+        Ok(Self::Gpu(Arc::new(Kernels::new(device)?)))
+    }
+
+    /// What it runs on, in words that can follow "on".
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self {
+            Self::Cpu => "the processor".into(),
+            Self::Gpu(kernels) if kernels.device.is_software() => {
+                format!("{}, a graphics card imitated by the processor", kernels.device.name())
+            }
+            Self::Gpu(kernels) => format!("the graphics card {}", kernels.device.name()),
+        }
+    }
+
+    /// [`search`] on this engine.
+    ///
+    /// # Errors
+    /// [`StereoError::Stopped`], [`StereoError::Gpu`].
+    pub fn search(
+        &self,
+        task: &Search<'_>,
+        options: &PatchMatchOptions,
+        progress: &Progress,
+    ) -> Result<Found, StereoError> {
+        match self {
+            Self::Cpu => Ok(search(task, options, progress)?),
+            Self::Gpu(kernels) => search_with(&mut CardPasses::new(kernels), task, options, progress),
+        }
+    }
+
+    /// [`search_consistent`] on this engine.
+    ///
+    /// # Errors
+    /// [`StereoError::Stopped`], [`StereoError::Gpu`].
+    pub fn search_consistent(
+        &self,
+        task: &Search<'_>,
+        start: &Found,
+        others: &[Option<Arc<Found>>],
+        round: u32,
+        options: &PatchMatchOptions,
+        progress: &Progress,
+    ) -> Result<Found, StereoError> {
+        match self {
+            Self::Cpu => Ok(search_consistent(task, start, others, round, options, progress)?),
+            Self::Gpu(kernels) => {
+                let mut passes = CardPasses::new(kernels);
+                search_consistent_with(&mut passes, task, start, others, round, options, progress)
+            }
+        }
+    }
+}

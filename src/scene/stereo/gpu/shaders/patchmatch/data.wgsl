@@ -1,0 +1,102 @@
+// The twin of `scene/stereo/patchmatch` on a graphics card: the same hypotheses in the same order, the same random
+// numbers, sums in the same order, ties broken alike. One thread works on one pixel of one colour of the checkerboard.
+//
+// WGSL lets compilers reorder sums and fuse products into them. Sums of both begin with what is no product, here and on
+// the processor: compilers bring others into that order, and leave these. Where a card fuses, depths differ by rounding,
+// which lets some pixels without texture end elsewhere.
+
+const MAX_SOURCES: u32 = 8u;
+// Hypotheses compared when views are chosen.
+const COMPARED: u32 = 10u;
+// Vectors of four taps.
+const QUARTERS: u32 = 6u;
+const WORST: f32 = 2.0;
+const BAD: f32 = 1.2;
+const NOISE: f32 = 2.0;
+const COLOR_WEIGHT: f32 = 0.6;
+const COLOR_VARIANCE: f32 = 100.0;
+const COLOR_RANGE: f32 = 80.0;
+const CHROMA_FACTOR: f32 = 2.0;
+// Stands for infinity, which WGSL does not promise.
+const NEVER: f32 = 1e30;
+// Reach of draws from other pixels.
+const FAR: f32 = 24.0;
+
+// A source view: the way there and back (columns of a matrix, offset), columns and rows, where its texels begin.
+struct Source {
+    matrix: array<vec4f, 3>,
+    offset: vec4f,
+    back: array<vec4f, 3>,
+    back_offset: vec4f,
+    size: vec2u,
+    first: u32,
+    has_found: u32,
+}
+
+struct Level {
+    sources: array<Source, 8>,
+    dx: array<vec4f, 6>,
+    dy: array<vec4f, 6>,
+    near: array<vec4f, 6>,
+    alike: array<vec4f, 64>,
+    alike_chroma: array<vec4f, 64>,
+    focal: vec2f,
+    per_focal: vec2f,
+    principal: vec2f,
+    // Smallest and largest inverse depth.
+    range: vec2f,
+    size: vec2u,
+    source_count: u32,
+    best_views: u32,
+    min_facing: f32,
+    min_variance: f32,
+    geometric_weight: f32,
+    max_geometric_px: f32,
+    // Change of inverse depth below which hypotheses are alike.
+    near_depth: f32,
+    seed: u32,
+    has_guides: u32,
+}
+
+struct Turn {
+    color: u32,
+    // Rows that this dispatch works on.
+    first_row: u32,
+    end_row: u32,
+    visit: u32,
+    draws: u32,
+    good: f32,
+    // Reach of random changes of inverse depth, and of slope as a share.
+    depth: f32,
+    slope: f32,
+    // Steps of the parabola in inverse depth and in slope.
+    by_depth: f32,
+    by_slope: f32,
+}
+
+// A hypothesis: inverse depth, and its change per pixel to the right and down; then, in fields, its cost.
+@group(0) @binding(0) var<uniform> level: Level;
+@group(0) @binding(1) var<uniform> turn: Turn;
+// Four neighbouring greys an element.
+@group(0) @binding(2) var<storage, read> picture: array<u32>;
+// The same of all sources, one after the other.
+@group(0) @binding(3) var<storage, read> texels: array<u32>;
+// For each pixel another view's hypothesis (none = inverse depth 0), and whether the pixel is worked on.
+@group(0) @binding(4) var<storage, read> guides: array<vec4f>;
+// What an earlier round found in the sources, where their texels lie.
+@group(0) @binding(5) var<storage, read> found_depth: array<f32>;
+@group(0) @binding(6) var<storage, read> found_right: array<f32>;
+@group(0) @binding(7) var<storage, read> found_down: array<f32>;
+// Two bytes of chroma a pixel: the picture's, then the sources', where their texels lie.
+@group(0) @binding(8) var<storage, read> chromas: array<u32>;
+// Red pixels, then black ones.
+@group(0) @binding(9) var<storage, read_write> field: array<vec4f>;
+
+// The pixel, and its surroundings in the reference picture.
+var<private> pixel: vec2f;
+var<private> weights: array<vec4f, 6>;
+var<private> weighted: array<vec4f, 6>;
+var<private> variance: f32;
+var<private> patch_mean: f32;
+var<private> patch_chroma: vec2f;
+var<private> color_weight: f32;

@@ -1,0 +1,52 @@
+use std::sync::Arc;
+
+use super::wall::{found, pictures, task};
+use super::{assert_equal, card};
+use crate::engine::job::Progress;
+use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, search, search_consistent};
+
+/// An odd width and height.
+const SIZE: (u32, u32) = (141, 101);
+
+#[test]
+fn a_search_finds_what_the_processor_finds() {
+    let Some(card) = card() else { return };
+    let pictures = pictures(4, SIZE);
+    let (options, progress) = (PatchMatchOptions::default(), Progress::default());
+    let task = task(&pictures, None);
+    let gpu = card.search(&task, &options, &progress).unwrap();
+    assert_equal(&card, &search(&task, &options, &progress).unwrap(), &gpu, "search");
+}
+
+#[test]
+fn a_masked_search_finds_what_the_processor_finds() {
+    let Some(card) = card() else { return };
+    let pictures = pictures(3, SIZE);
+    let (options, progress) = (PatchMatchOptions { seed: 7, ..PatchMatchOptions::default() }, Progress::default());
+    let allowed: Vec<bool> =
+        (0..SIZE.0 * SIZE.1).map(|at| (at % SIZE.0 / 20).is_multiple_of(2) && at / SIZE.0 > 15).collect();
+    let task = task(&pictures, Some(&allowed));
+    let gpu = card.search(&task, &options, &progress).unwrap();
+    assert_equal(&card, &search(&task, &options, &progress).unwrap(), &gpu, "masked");
+    assert!(gpu.planes.iter().zip(&allowed).all(|(plane, &allowed)| allowed || plane.inverse_depth == 0.0));
+}
+
+#[test]
+fn consistent_rounds_find_what_the_processor_finds() {
+    let Some(card) = card() else { return };
+    let pictures = pictures(4, SIZE);
+    let (options, progress) = (PatchMatchOptions::default(), Progress::default());
+    let first = found(&pictures);
+    let known: Vec<Option<Arc<Found>>> = first[1..].iter().map(|found| Some(Arc::clone(found))).collect();
+    let partly = vec![None, known[1].clone(), None];
+    let allowed: Vec<bool> = (0..SIZE.0 * SIZE.1).map(|at| at % SIZE.0 > 60).collect();
+    let cases = [("all known", &known, None), ("some known", &partly, None), ("masked", &known, Some(&allowed[..]))];
+    for (what, others, allowed) in cases {
+        let task = task(&pictures, allowed);
+        for round in 0..2 {
+            let gpu = card.search_consistent(&task, &first[0], others, round, &options, &progress).unwrap();
+            let cpu = search_consistent(&task, &first[0], others, round, &options, &progress).unwrap();
+            assert_equal(&card, &cpu, &gpu, &format!("consistent round {round}, {what}"));
+        }
+    }
+}

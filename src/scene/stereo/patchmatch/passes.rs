@@ -1,0 +1,79 @@
+use super::field::Field;
+use super::level::Level;
+use super::start::finer_field;
+use super::sweep::{score, sweep};
+use super::visit::Turn;
+use crate::engine::job::{Progress, Stopped};
+
+/// What carries out the passes of a search: the processor, or a graphics card with the same outcome.
+pub trait Passes {
+    /// Hypotheses and costs of a level, where the passes work on them.
+    type Field;
+    /// What can go wrong.
+    type Error: From<Stopped>;
+
+    /// A field of these hypotheses, without costs.
+    ///
+    /// # Errors
+    /// Where there is no room for it.
+    fn begin(&mut self, level: &Level<'_>, hypotheses: Field) -> Result<Self::Field, Self::Error>;
+
+    /// A field of the planes of a coarser one, without costs.
+    ///
+    /// # Errors
+    /// Where there is no room for it.
+    fn finer(&mut self, level: &Level<'_>, coarser: &Self::Field) -> Result<Self::Field, Self::Error>;
+
+    /// Gives every hypothesis its cost.
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    fn score(&mut self, level: &Level<'_>, field: &mut Self::Field, progress: &Progress) -> Result<(), Self::Error>;
+
+    /// One iteration: all red pixels, then all black ones.
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    fn sweep(
+        &mut self,
+        level: &Level<'_>,
+        field: &mut Self::Field,
+        turn: Turn,
+        progress: &Progress,
+    ) -> Result<(), Self::Error>;
+
+    /// The field as it is now.
+    ///
+    /// # Errors
+    /// Where it cannot be brought back.
+    fn finish(&mut self, field: Self::Field) -> Result<Field, Self::Error>;
+}
+
+/// The passes on all cores of the processor.
+#[derive(Debug)]
+pub struct Processor;
+
+impl Passes for Processor {
+    type Field = Field;
+    type Error = Stopped;
+
+    fn begin(&mut self, _: &Level<'_>, hypotheses: Field) -> Result<Field, Stopped> {
+        Ok(hypotheses)
+    }
+
+    fn finer(&mut self, level: &Level<'_>, coarser: &Field) -> Result<Field, Stopped> {
+        Ok(finer_field(level, coarser))
+    }
+
+    fn score(&mut self, level: &Level<'_>, field: &mut Field, progress: &Progress) -> Result<(), Stopped> {
+        score(level, field, progress)
+    }
+
+    fn sweep(&mut self, level: &Level<'_>, field: &mut Field, turn: Turn, progress: &Progress) -> Result<(), Stopped> {
+        sweep(level, field, turn, progress)
+    }
+
+    fn finish(&mut self, field: Field) -> Result<Field, Stopped> {
+        Ok(field)
+    }
+}

@@ -1,0 +1,97 @@
+//! Seconds a view of PatchMatch stereo on the processor and on the graphics card, on a made textured scene: from the
+//! pictures alone, and a round with geometric consistency; and how alike the two are.
+//!
+//! `cargo bench --bench stereo [-- WIDTHxHEIGHT…]`, by default 640x480 and 1920x1080.
+
+use std::error::Error;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::{DQuat, DVec2, DVec3};
+use ostra::engine::gpu::{Device, Software};
+use ostra::engine::job::Progress;
+use ostra::geometry::{Camera, Pose};
+use ostra::scene::stereo::Engine;
+use ostra::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Search, Tones};
+
+/// Pictures: a reference and its sources.
+const VIEWS: usize = 5;
+
+#[expect(clippy::print_stdout, reason = "a bench speaks to the user")]
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut engines = vec![Engine::Cpu];
+    match Device::open(Software::Allowed).and_then(|device| Engine::on(Arc::new(device))) {
+        Ok(engine) => engines.push(engine),
+        Err(error) => println!("only the processor: {error}"),
+    }
+    let named: Vec<(u32, u32)> = std::env::args().filter_map(|word| size(&word)).collect();
+    for (width, height) in if named.is_empty() { vec![(640, 480), (1920, 1080)] } else { named } {
+        let pictures: Vec<Arc<Picture>> = (0..VIEWS).map(|index| picture(index, width, height)).collect();
+        let mut cpu: Option<[Found; 2]> = None;
+        for engine in &engines {
+            let (founds, [first, consistent]) = timed(engine, &pictures)?;
+            println!(
+                "{width}x{height}, {} sources, on {}: {first:.2} s, consistent round {consistent:.2} s",
+                VIEWS - 1,
+                engine.name()
+            );
+            match &cpu {
+                None => cpu = Some(founds),
+                Some(cpu) => {
+                    let shares = [share(&cpu[0], &founds[0]), share(&cpu[1], &founds[1])];
+                    println!("  within 0.1 % of the processor's depth: {:.2} % and {:.2} %", shares[0], shares[1]);
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn size(word: &str) -> Option<(u32, u32)> {
+    let (width, height) = word.split_once('x')?;
+    Some((width.parse().ok()?, height.parse().ok()?))
+}
+
+/// What both kinds of search find, the second from what the first found in all pictures, and their seconds.
+fn timed(engine: &Engine, pictures: &[Arc<Picture>]) -> Result<([Found; 2], [f64; 2]), Box<dyn Error>> {
+    let (options, progress) = (PatchMatchOptions::default(), Progress::default());
+    let (reference, sources) = (&*pictures[0], &pictures[1..]);
+    let task = Search { reference, sources, depth_range: [1.2, 8.0], seeds: &[], allowed: None };
+    let begun = Instant::now();
+    let first = engine.search(&task, &options, &progress)?;
+    let seconds = begun.elapsed().as_secs_f64();
+    // The reference's own depths stand for those of the sources: the work is the same.
+    let known = Some(Arc::new(first.clone()));
+    let others = vec![known; sources.len()];
+    let begun = Instant::now();
+    let again = engine.search_consistent(&task, &first, &others, 0, &options, &progress)?;
+    Ok(([first, again], [seconds, begun.elapsed().as_secs_f64()]))
+}
+
+/// Of the pixels with depth in the first, those with about the same in the second, in hundredths.
+fn share(cpu: &Found, gpu: &Found) -> f64 {
+    let known = cpu.planes.iter().zip(&gpu.planes).filter(|(cpu, _)| cpu.inverse_depth > 0.0);
+    let near = known.clone().filter(|(cpu, gpu)| (gpu.inverse_depth / cpu.inverse_depth - 1.0).abs() < 1e-3);
+    100.0 * near.count() as f64 / (known.count() as f64).max(1.0)
+}
+
+/// A slanted textured wall from one of several places.
+fn picture(index: usize, width: u32, height: u32) -> Arc<Picture> {
+    let side = 0.3 * index.div_ceil(2) as f64 * if index.is_multiple_of(2) { -1.0 } else { 1.0 };
+    let pose = Pose { rotation: DQuat::from_rotation_y(0.1 * side), translation: DVec3::new(-side, 0.05 * side, 0.0) };
+    let focal = f64::from(width);
+    let camera = Camera::pinhole(width, height, focal, focal, 0.5 * f64::from(width), 0.5 * f64::from(height));
+    let fineness = f64::from(width) / 160.0;
+    let grey = |i: u32| {
+        let at_px = DVec2::new(f64::from(i % width) + 0.5, f64::from(i / width) + 0.5);
+        let (centre, ray) = (pose.centre(), pose.rotation.conjugate() * camera.unproject(at_px).extend(1.0));
+        let depth = (3.0 + 0.4 * centre.x - 0.3 * centre.y - centre.z) / (ray.z - 0.4 * ray.x + 0.3 * ray.y);
+        let x = centre + depth * ray;
+        let wave = |kx: f64, ky: f64, scale: f64| (scale * (kx * x.x + ky * x.y)).sin();
+        let coarse = wave(17.0, 5.0, 1.0) + wave(-7.0, 19.0, 1.0);
+        (127.5 + 30.0 * (coarse + wave(29.0, -23.0, fineness) + wave(11.0, 31.0, fineness))) as f32
+    };
+    let luma = (0..width * height).map(grey).collect();
+    let tones = Tones { width: width as usize, height: height as usize, luma, chroma: Vec::new() };
+    Arc::new(Picture::new(tones, camera, pose, PatchMatchOptions::default().coarsest_px))
+}
