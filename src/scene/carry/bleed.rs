@@ -8,6 +8,8 @@ use crate::masks::{LabelId, LabelMask};
 const STEEPEST: f32 = 4.0;
 /// Pixels without depth that may lie between a label's patch and what is beside it.
 const WALK: usize = 3;
+/// Only patches narrower than about twice this are taken for lost rims and tips, pixels.
+const HALF_WIDTH: usize = 4;
 /// A patch belongs to a label's parts at most this far away, pixels.
 const REACH: usize = 16;
 
@@ -54,7 +56,7 @@ impl Bleeding {
         let mut shown = vec![0.0; mask.ids.len()];
         let (front, doubtful): (Vec<&Patch>, Vec<&Patch>) =
             patches.iter().partition(|patch| patch.fronts > patch.leaks);
-        for patch in doubtful {
+        for patch in doubtful.into_iter().filter(|patch| patch.pixels.len() <= HALF_WIDTH * patch.leaks) {
             let around = patch.around.grown(REACH, view.width(), view.height());
             let stands_before = |other: &&Patch| {
                 other.label == patch.label
