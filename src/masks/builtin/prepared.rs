@@ -14,22 +14,15 @@ pub(super) struct Prepared {
 impl PreparedFrame for Prepared {
     fn segment(&self, request: &SegmentRequest<'_>) -> Result<Region, MaskError> {
         self.check(request)?;
-        let prompt = request.prompt;
-        let mut query = Query::new(self, request.taken);
+        let SegmentRequest { prompt, previous, taken } = *request;
         // With an answer to refine only the last click is new.
-        let new = match (request.previous, prompt.clicks.split_last()) {
-            (Some(previous), Some((last, earlier))) => {
-                query.start_from(previous);
-                earlier.iter().for_each(|click| query.add_known_click(click));
-                std::slice::from_ref(last)
-            }
-            _ => {
-                query.add_boxes(&prompt.boxes);
-                &prompt.clicks
-            }
-        };
-        new.iter().for_each(|click| query.add_click(click));
-        Ok(query.answer())
+        if let (Some(previous), Some(last)) = (previous, prompt.clicks.len().checked_sub(1)) {
+            return Ok(self.refined(previous, &prompt.clicks, last, taken));
+        }
+        let mut boxed = Query::new(self, taken);
+        boxed.add_boxes(&prompt.boxes);
+        let clicks = 0..prompt.clicks.len();
+        Ok(clicks.fold(boxed.answer(), |answer, at| self.refined(&answer, &prompt.clicks, at, taken)))
     }
 
     fn bytes(&self) -> usize {
@@ -38,6 +31,15 @@ impl PreparedFrame for Prepared {
 }
 
 impl Prepared {
+    /// The `previous` answer, to the clicks before `at`, refined by the click there; later clicks are not looked at.
+    fn refined(&self, previous: &Region, clicks: &[Click], at: usize, taken: Option<&Region>) -> Region {
+        let mut query = Query::new(self, taken);
+        query.start_from(previous);
+        clicks[..at].iter().for_each(|click| query.add_known_click(click));
+        query.add_click(&clicks[at]);
+        query.answer()
+    }
+
     fn check(&self, request: &SegmentRequest<'_>) -> Result<(), MaskError> {
         let (width, height) = (self.raster.width, self.raster.height);
         if request.prompt.is_empty() {

@@ -159,26 +159,37 @@ proptest! {
     fn clicks_hold_and_answers_repeat(
         places in prop::collection::vec((0.0..f64::from(WIDTH), 0.0..f64::from(HEIGHT), any::<bool>()), 1..7),
     ) {
-        // One click a pixel: what is both included and excluded cannot hold.
-        let mut clicks: Vec<Click> = Vec::new();
-        for (x, y, include) in places {
-            if clicks.iter().all(|other| other.at_px.distance(DVec2::new(x, y)) > 3.0) {
-                clicks.push(click(x.floor() + 0.5, y.floor() + 0.5, include));
-            }
-        }
-        let frame = prepared(&disc_picture(), None);
-        let mut answer: Option<Region> = None;
-        for count in 1..=clicks.len() {
-            let prompt = of_clicks(&clicks[..count]);
-            let request = SegmentRequest { prompt: &prompt, previous: answer.as_ref(), taken: None };
-            let found = frame.segment(&request).unwrap();
-            prop_assert_eq!(&found, &frame.segment(&request).unwrap());
-            for click in &clicks[..count] {
-                prop_assert_eq!(found.at(click.at_px.x as u32, click.at_px.y as u32), click.include);
-            }
-            answer = Some(found);
-        }
-        let at_once = ask(&*frame, &of_clicks(&clicks), None);
-        prop_assert_eq!(answer, Some(at_once));
+        hold_and_repeat(&places);
     }
+}
+
+#[test]
+fn a_click_in_the_corner_holds_beside_two_that_are_close() {
+    hold_and_repeat(&[(121.189, 118.250, false), (117.620, 101.477, true), (0.0, 0.0, true)]);
+}
+
+/// Clicks the made picture at `places` (x, y in pixels, whether it is included), one after the other: every click so
+/// far holds in each answer, an answer repeats, and the last is that of all clicks at once.
+fn hold_and_repeat(places: &[(f64, f64, bool)]) {
+    // One click a pixel: what is both included and excluded cannot hold.
+    let mut clicks: Vec<Click> = Vec::new();
+    for &(x, y, include) in places {
+        if clicks.iter().all(|other| other.at_px.distance(DVec2::new(x, y)) > 3.0) {
+            clicks.push(click(x.floor() + 0.5, y.floor() + 0.5, include));
+        }
+    }
+    let frame = prepared(&disc_picture(), None);
+    let mut answer: Option<Region> = None;
+    for count in 1..=clicks.len() {
+        let prompt = of_clicks(&clicks[..count]);
+        let request = SegmentRequest { prompt: &prompt, previous: answer.as_ref(), taken: None };
+        let found = frame.segment(&request).unwrap();
+        assert!(found == frame.segment(&request).unwrap(), "the answer of {count} clicks repeats");
+        for click in &clicks[..count] {
+            let at = click.at_px;
+            assert_eq!(found.at(at.x as u32, at.y as u32), click.include, "{at} after {count} clicks");
+        }
+        answer = Some(found);
+    }
+    assert!(answer == Some(ask(&*frame, &of_clicks(&clicks), None)), "one by one as at once");
 }
