@@ -3,6 +3,7 @@ use std::ops::ControlFlow;
 
 use super::state::Mapper;
 use crate::engine::job::Stopped;
+use crate::geometry::Distortion;
 use crate::geometry::bundle::{Bundle, BundleImage, BundleObservation, BundleOptions, Loss, Refine, adjust};
 use crate::scene::sfm::{IntrinsicsSource, KeypointId};
 
@@ -14,6 +15,8 @@ const FEW_SHARE: usize = 3;
 const ROUNDS: usize = 5;
 /// Share of all sightings that must change for another round.
 const CHANGE: f64 = 5e-4;
+/// Lenses count as straight where the loss without distortion is at most this many times that with it.
+const NEEDLESS: f64 = 1.003;
 
 /// How thoroughly is adjusted.
 #[derive(Clone, Copy)]
@@ -24,6 +27,9 @@ struct Effort {
     /// Principal points of cameras that took few of the images are refined too.
     principal: bool,
 }
+
+/// A lens without distortion, as the models write it that have some.
+const STRAIGHT: Distortion = Distortion::Radial { k: [0.0; 2] };
 
 const LOCAL: Effort = Effort { loss: Loss::SoftL1 { px: 1.0 }, iterations: 15, tolerance: 1e-4, principal: false };
 const GLOBAL: Effort = Effort { loss: Loss::SoftL1 { px: 1.0 }, iterations: 30, tolerance: 1e-5, principal: false };
@@ -46,7 +52,40 @@ impl Mapper<'_> {
 
     /// As [`Self::adjust_all`], to the end.
     pub fn adjust_finally(&mut self) -> Result<(), Stopped> {
-        self.rounds(FINAL, ROUNDS)
+        self.rounds(FINAL, ROUNDS)?;
+        self.straighten()
+    }
+
+    /// Takes the distortion out of all lenses where the pictures are explained as well without it. On an orbit around
+    /// an object, distortion, focal length and the object's size trade off against each other almost freely: a
+    /// distortion that gains next to nothing still spoils the other two by some per cent.
+    fn straighten(&mut self) -> Result<(), Stopped> {
+        let free: BTreeSet<u32> = self.model.placed().collect();
+        let all: BTreeSet<u32> = self.model.points().map(|(point, _)| point).collect();
+        let bent: Vec<usize> = (0..self.model.cameras.len())
+            .filter(|&camera| self.refine(camera, &free, FINAL).distortion)
+            .filter(|&camera| self.model.cameras[camera].distortion != STRAIGHT)
+            .collect();
+        if bent.is_empty() {
+            return Ok(());
+        }
+        let (mut best, images) = self.bundle(&all);
+        let mut straight = best.clone();
+        let with = self.adjusted(&mut best, &images, &free, FINAL);
+        for &camera in &bent {
+            self.straight[camera] = true;
+            straight.cameras[camera].distortion = STRAIGHT;
+        }
+        let without = self.adjusted(&mut straight, &images, &free, FINAL);
+        self.progress.check()?;
+        if without <= NEEDLESS * with {
+            best = straight;
+        } else {
+            bent.into_iter().for_each(|camera| self.straight[camera] = false);
+        }
+        self.take(&best, &images, &all);
+        self.filter(&all);
+        Ok(())
     }
 
     fn rounds(&mut self, effort: Effort, rounds: usize) -> Result<(), Stopped> {
@@ -96,6 +135,13 @@ impl Mapper<'_> {
     /// Bundle adjustment of the free images and of points; other images that see them stay where they are.
     fn adjust(&mut self, free: &BTreeSet<u32>, points: &BTreeSet<u32>, effort: Effort) -> Result<(), Stopped> {
         let (mut bundle, images) = self.bundle(points);
+        self.adjusted(&mut bundle, &images, free, effort);
+        self.take(&bundle, &images, points);
+        self.progress.check()
+    }
+
+    /// Adjusts a bundle in which only the free images move; gives the loss that is left.
+    fn adjusted(&self, bundle: &mut Bundle, images: &[u32], free: &BTreeSet<u32>, effort: Effort) -> f64 {
         let is_fixed = |image: &u32| !free.contains(image) || self.problem.images[*image as usize].given.is_some();
         let options = BundleOptions {
             loss: effort.loss,
@@ -107,9 +153,7 @@ impl Mapper<'_> {
         };
         let progress = self.progress;
         let mut step = |_, _| if progress.check().is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
-        adjust(&mut bundle, &options, &mut step);
-        self.take(&bundle, &images, points);
-        self.progress.check()
+        adjust(bundle, &options, &mut step).final_cost
     }
 
     /// The points with all their sightings, and which image each of the bundle's is.
@@ -173,7 +217,7 @@ impl Mapper<'_> {
             return Refine::NOTHING;
         }
         let few = own().count() * FEW_SHARE <= placed;
-        Refine { focal: true, principal: effort.principal && few, distortion: true }
+        Refine { focal: true, principal: effort.principal && few, distortion: !self.straight[camera] }
     }
 
     /// Drops sightings with a large error, and points that are left without parallax; gives how many sightings went.

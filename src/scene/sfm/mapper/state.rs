@@ -16,6 +16,8 @@ pub(super) struct Mapper<'a> {
     pub closed: Vec<bool>,
     /// By camera, whether its focal length is more than a guess.
     pub focal_known: Vec<bool>,
+    /// By camera, whether its lens is taken to be without distortion.
+    pub straight: Vec<bool>,
     /// Keypoints on the plane z = 1, by image.
     rays: Vec<Vec<DVec2>>,
     /// By image and keypoint, how many of its links see a point.
@@ -38,6 +40,7 @@ impl<'a> Mapper<'a> {
             model,
             closed: vec![false; problem.images.len()],
             focal_known: problem.cameras.iter().map(|camera| camera.source != IntrinsicsSource::Guessed).collect(),
+            straight: vec![false; problem.cameras.len()],
             rays: vec![Vec::new(); problem.images.len()],
             support: problem.images.iter().map(|image| vec![0; image.keypoints.len()]).collect(),
         };

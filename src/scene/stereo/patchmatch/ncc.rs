@@ -12,10 +12,10 @@ const ROUNDING: f32 = 12_582_912.0;
 const COUNTING: f32 = 8_388_608.0;
 /// Those bits.
 const COUNTING_MASK: u32 = 0x7F_FFFF;
-/// Colours that differ by this are wholly others: the sum over grey (0–255) and [`CHROMA_FACTOR`] times chroma.
-const COLOR_RANGE: f32 = 80.0;
-/// How much more chroma counts.
-const CHROMA_FACTOR: f32 = 2.0;
+/// Sum of differences of chroma up to which colours are the same (noise, and what JPEG leaves), 0–255 each.
+const SAME_CHROMA: f32 = 10.0;
+/// By how much more they are wholly others.
+const CHROMA_RANGE: f32 = 40.0;
 
 /// The way from pixels of one view into another: `(x, y, 1)` at inverse depth `w` is seen at
 /// `matrix · (x, y, 1) + w · offset`, in homogeneous pixel indices.
@@ -47,8 +47,8 @@ impl Transfer {
 
 /// `1 − NCC` between a patch and where its plane is seen in a source picture, 0–2 (bilateral weights as in J. Schönberger
 /// et al., *Pixelwise View Selection for Unstructured Multi-View Stereo*, ECCV 2016); [`WORST`] where the centre is not
-/// seen. A little noise is added to both variances, so that flat patches are like nothing; they are told by how far mean
-/// and colour are off, up to a limit, which counts the less the more texture a patch has.
+/// seen. A little noise is added to both variances, so that flat patches are like nothing; they are told by how far the
+/// centre's chroma is off, which does not change with the light, and counts the less the more texture a patch has.
 #[inline(always)]
 pub fn cost<S: Simd>(
     simd: S,
@@ -98,7 +98,7 @@ fn compare<S: Simd>(comparison: &Comparison<'_, S>) -> f32 {
     let scale = 1.0 / z;
     let chroma = texture.chroma_at(u * scale, v * scale);
     let off = (chroma[0] - patch.chroma[0]).abs() + (chroma[1] - patch.chroma[1]).abs();
-    correlate(simd, patch, &quads, (&places.share_x, &places.share_y), CHROMA_FACTOR * off)
+    correlate(simd, patch, &quads, (&places.share_x, &places.share_y), off)
 }
 
 /// Which texels the taps lie between, and how far towards the right and lower one.
@@ -165,7 +165,7 @@ fn float<S: Simd>(simd: S, bits: S::u32s) -> S::f32s {
     simd.sub_f32s(counted, simd.splat_f32s(COUNTING))
 }
 
-/// `1 − NCC` of a patch with bilinear samples, and what its mean and chroma being off cost.
+/// `1 − NCC` of a patch with bilinear samples, and what its chroma being off costs.
 #[inline(always)]
 fn correlate<S: Simd>(
     simd: S,
@@ -195,7 +195,7 @@ fn correlate<S: Simd>(
     let (mean, square) = (simd.reduce_sum_f32s(mean), simd.reduce_sum_f32s(square));
     let cross = simd.reduce_sum_f32s(cross);
     let variance = (square - mean * mean).max(0.0);
-    let off = ((mean - patch.mean).abs() + chroma_off) * (1.0 / COLOR_RANGE);
-    let color = (patch.color_weight * off).min(patch.color_weight);
-    1.0 + color - cross * (1.0 / ((patch.variance + NOISE) * (variance + NOISE)).sqrt())
+    let other = ((chroma_off - SAME_CHROMA) * (1.0 / CHROMA_RANGE)).clamp(0.0, 1.0);
+    let color = patch.color_weight * other;
+    (1.0 + color - cross * (1.0 / ((patch.variance + NOISE) * (variance + NOISE)).sqrt())).min(WORST)
 }

@@ -37,7 +37,7 @@ impl Default for PatchMatchOptions {
             coarse_iterations: 6,
             fine_iterations: 3,
             geometric_iterations: 1,
-            geometric_weight: 0.1,
+            geometric_weight: 0.3,
             max_geometric_px: 3.0,
             min_facing: 0.12,
             best_views: 3,

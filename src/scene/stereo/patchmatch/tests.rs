@@ -27,8 +27,7 @@ fn noise(seed: u32) -> Texture {
 /// The same in double precision, tap by tap.
 fn plain(reference: &Texture, source: &Texture, transfer: &Transfer, (plane, x, y): (Plane, f32, f32)) -> f64 {
     let window = Window::default();
-    let patch = Patch::new(&window, reference, x as usize, y as usize);
-    let weights = patch.weights.map(f64::from);
+    let weights = Patch::new(&window, reference, x as usize, y as usize).weights.map(f64::from);
     let mut pairs = [(0.0, 0.0); TAPS];
     for (tap, pair) in pairs.iter_mut().enumerate() {
         let (dx, dy) = (window.dx[tap], window.dy[tap]);
@@ -44,8 +43,7 @@ fn plain(reference: &Texture, source: &Texture, transfer: &Transfer, (plane, x, 
     let (a, b) = (mean(&|p| p.0), mean(&|p| p.1));
     let cross = mean(&|p| (p.0 - a) * (p.1 - b));
     let (va, vb) = (mean(&|p| (p.0 - a).powi(2)), mean(&|p| (p.1 - b).powi(2)));
-    let color = f64::from(patch.color_weight) * ((a - b).abs() / 80.0).min(1.0);
-    1.0 + color - cross / ((va + f64::from(NOISE)) * (vb + f64::from(NOISE))).sqrt()
+    1.0 - cross / ((va + f64::from(NOISE)) * (vb + f64::from(NOISE))).sqrt()
 }
 
 #[test]
@@ -86,6 +84,20 @@ fn a_picture_is_like_itself() {
     assert!(Arch::new().dispatch(Cost(&texture, &texture, &same, (plane, 20.0, 15.0))) < 0.01);
     let beside = Plane { inverse_depth: 5.0, ..plane };
     assert!(Arch::new().dispatch(Cost(&texture, &texture, &same, (beside, 20.0, 15.0))) > 0.3);
+}
+
+#[test]
+fn without_texture_chroma_tells_and_light_does_not() {
+    let flat = |luma: f32, chroma: [f32; 2]| {
+        Texture::new(&Tones { width: 40, height: 30, luma: vec![luma; 1200], chroma: vec![chroma; 1200] })
+    };
+    let same = Transfer { matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], offset: [1.0, 0.0, 0.0] };
+    let leaf = flat(120.0, [-20.0, -20.0]);
+    let seen_in = |source: &Texture| Arch::new().dispatch(Cost(&leaf, source, &same, (Plane::default(), 20.0, 15.0)));
+    let same_leaf = seen_in(&leaf);
+    assert_eq!(seen_in(&flat(60.0, [-20.0, -20.0])), same_leaf, "in the shade");
+    assert_eq!(seen_in(&flat(120.0, [-17.0, -16.0])), same_leaf, "noise");
+    assert!(seen_in(&flat(120.0, [0.0, 20.0])) > same_leaf + 0.5, "a wall of the same brightness");
 }
 
 #[test]

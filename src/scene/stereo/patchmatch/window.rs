@@ -9,11 +9,11 @@ const REACH: i32 = 2;
 /// Grey difference of `exp(−½)` in the weights.
 const GREY_SIGMA: f32 = 30.0;
 /// The same of colour, apart from grey: it tells a leaf from what lies behind it where both are equally bright.
-const CHROMA_SIGMA: f32 = 30.0;
+const CHROMA_SIGMA: f32 = 17.3;
 /// Cost of a colour that is wholly another, where a patch has no texture.
-const COLOR_WEIGHT: f32 = 0.6;
+const COLOR_WEIGHT: f32 = 1.4;
 /// Variance of grey at which colour counts half as much: texture tells more, and does not change with the light.
-const COLOR_VARIANCE: f32 = 100.0;
+const COLOR_VARIANCE: f32 = 200.0;
 /// Variance of grey (0–255) that is taken for noise.
 pub const NOISE: f32 = 2.0;
 
@@ -41,8 +41,6 @@ pub struct Patch {
     pub weighted: [f32; PADDED],
     /// Weighted variance of grey.
     pub variance: f32,
-    /// Weighted mean of grey.
-    pub mean: f32,
     /// The pixel's colour apart from grey, 128 = grey.
     pub chroma: [f32; 2],
     /// Cost of a colour that is wholly another.
@@ -99,6 +97,6 @@ impl Patch {
             variance += weighted[tap] * off;
         }
         let color_weight = COLOR_WEIGHT * COLOR_VARIANCE * (1.0 / (variance + COLOR_VARIANCE));
-        Self { weights, weighted, variance, mean, chroma: [0.0; 2], color_weight }
+        Self { weights, weighted, variance, chroma: [0.0; 2], color_weight }
     }
 }

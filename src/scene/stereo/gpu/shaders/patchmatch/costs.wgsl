@@ -58,7 +58,6 @@ fn make_patch() {
         weighted[k] = weights[k] * off;
         variance = sum_on(variance, weighted[k] * off);
     }
-    patch_mean = mean;
     color_weight = COLOR_WEIGHT * COLOR_VARIANCE * (1.0 / (variance + COLOR_VARIANCE));
 }
 
@@ -114,7 +113,7 @@ fn reduced(low: vec4f, high: vec4f) -> f32 {
     return two.x + two.y;
 }
 
-// `1 - NCC`, and what mean and chroma being off cost; `WORST` where the centre is not seen.
+// `1 - NCC`, and what chroma being off costs; `WORST` where the centre is not seen.
 fn photometric(source: u32, plane: vec3f) -> f32 {
     let offset = level.sources[source].offset.xyz;
     let at = seen(source, plane.x);
@@ -149,9 +148,10 @@ fn photometric(source: u32, plane: vec3f) -> f32 {
     let cross = reduced(crosses[0], crosses[1]);
     let there = max(square - mean * mean, 0.0);
     let scale = 1.0 / at.z;
-    let off = abs(mean - patch_mean) + CHROMA_FACTOR * chroma_off(source, at.x * scale, at.y * scale);
-    let color = min(color_weight * (off * (1.0 / COLOR_RANGE)), color_weight);
-    return 1.0 + color - cross * (1.0 / sqrt((variance + NOISE) * (there + NOISE)));
+    let off = chroma_off(source, at.x * scale, at.y * scale);
+    let other = clamp((off - SAME_CHROMA) * (1.0 / CHROMA_RANGE), 0.0, 1.0);
+    let color = color_weight * other;
+    return min(1.0 + color - cross * (1.0 / sqrt((variance + NOISE) * (there + NOISE))), WORST);
 }
 
 // Pixels between the pixel and where the source's own depth, at the place where the source sees the pixel, is seen.

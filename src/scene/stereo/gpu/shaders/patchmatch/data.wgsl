@@ -13,10 +13,10 @@ const QUARTERS: u32 = 6u;
 const WORST: f32 = 2.0;
 const BAD: f32 = 1.2;
 const NOISE: f32 = 2.0;
-const COLOR_WEIGHT: f32 = 0.6;
-const COLOR_VARIANCE: f32 = 100.0;
-const COLOR_RANGE: f32 = 80.0;
-const CHROMA_FACTOR: f32 = 2.0;
+const COLOR_WEIGHT: f32 = 1.4;
+const COLOR_VARIANCE: f32 = 200.0;
+const SAME_CHROMA: f32 = 10.0;
+const CHROMA_RANGE: f32 = 40.0;
 // Stands for infinity, which WGSL does not promise.
 const NEVER: f32 = 1e30;
 // Reach of draws from other pixels.
@@ -97,6 +97,5 @@ var<private> pixel: vec2f;
 var<private> weights: array<vec4f, 6>;
 var<private> weighted: array<vec4f, 6>;
 var<private> variance: f32;
-var<private> patch_mean: f32;
 var<private> patch_chroma: vec2f;
 var<private> color_weight: f32;
