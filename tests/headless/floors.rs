@@ -43,6 +43,29 @@ fn the_demo_by_eight_clicks_a_class() {
     assert!(cloud["parts"]["sheath"].as_f64().unwrap() > 0.8, "{}", cloud["parts"]);
 }
 
+/// The same from pictures alone: cameras and depths are made too. The aim is an accuracy of 0.95.
+#[test]
+fn the_demo_from_pictures_alone() {
+    let out = tempfile::tempdir().unwrap();
+    let folder = out.path().join("demo");
+    let run = Process::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(["demo", "--headless", "--method", "mvs"])
+        .arg(&folder)
+        .output()
+        .unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    println!("{}", String::from_utf8_lossy(&run.stdout));
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.join("report.json")).unwrap()).unwrap();
+    let cloud = &report["cloud"];
+    for (class, floor) in [("panicle", 0.70), ("leaf", 0.83), ("stem", 0.80)] {
+        let iou = cloud["iou"][class].as_f64().unwrap();
+        assert!(iou >= floor, "{class}: {iou}");
+    }
+    assert!(cloud["accuracy"].as_f64().unwrap() >= 0.85, "{}", cloud["accuracy"]);
+    assert!(cloud["median_distance_mm"].as_f64().unwrap() < 0.8, "{}", cloud["median_distance_mm"]);
+}
+
 /// The same job by true masks on four anchors in place of clicks: what carrying and voting lose.
 #[test]
 fn the_demo_by_true_masks_on_the_anchors() {

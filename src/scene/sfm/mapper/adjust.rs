@@ -17,6 +17,8 @@ const ROUNDS: usize = 5;
 const CHANGE: f64 = 5e-4;
 /// Lenses count as straight where the loss without distortion is at most this many times that with it.
 const NEEDLESS: f64 = 1.003;
+/// And where the focal length is another by more than this share without it.
+const AMBIGUOUS: f64 = 0.005;
 
 /// How thoroughly is adjusted.
 #[derive(Clone, Copy)]
@@ -56,9 +58,9 @@ impl Mapper<'_> {
         self.straighten()
     }
 
-    /// Takes the distortion out of all lenses where the pictures are explained as well without it. On an orbit around
-    /// an object, distortion, focal length and the object's size trade off against each other almost freely: a
-    /// distortion that gains next to nothing still spoils the other two by some per cent.
+    /// Takes the distortion out of all lenses where it trades off against the focal length. On an orbit around an object
+    /// these two and the object's size are almost free together: the pictures are explained as well without a distortion
+    /// that spoils the other two by some per cent.
     fn straighten(&mut self) -> Result<(), Stopped> {
         let free: BTreeSet<u32> = self.model.placed().collect();
         let all: BTreeSet<u32> = self.model.points().map(|(point, _)| point).collect();
@@ -69,21 +71,22 @@ impl Mapper<'_> {
         if bent.is_empty() {
             return Ok(());
         }
-        let (mut best, images) = self.bundle(&all);
-        let mut straight = best.clone();
-        let with = self.adjusted(&mut best, &images, &free, FINAL);
+        let (mut distorted, images) = self.bundle(&all);
+        let mut straight = distorted.clone();
+        let with = self.adjusted(&mut distorted, &images, &free, FINAL);
         for &camera in &bent {
             self.straight[camera] = true;
             straight.cameras[camera].distortion = STRAIGHT;
         }
         let without = self.adjusted(&mut straight, &images, &free, FINAL);
         self.progress.check()?;
-        if without <= NEEDLESS * with {
-            best = straight;
-        } else {
+        let focal = |bundle: &Bundle, camera: usize| bundle.cameras[camera].focal_px.x;
+        let changes = |&camera: &usize| (focal(&straight, camera) / focal(&distorted, camera) - 1.0).abs() > AMBIGUOUS;
+        if without > NEEDLESS * with || !bent.iter().any(changes) {
             bent.into_iter().for_each(|camera| self.straight[camera] = false);
+            return Ok(());
         }
-        self.take(&best, &images, &all);
+        self.take(&straight, &images, &all);
         self.filter(&all);
         Ok(())
     }
