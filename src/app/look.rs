@@ -15,6 +15,8 @@ pub struct Look<'a> {
     pub root: Option<&'a Path>,
     /// The labelled cloud: the project's, or the PLY that is inspected.
     pub cloud: Option<&'a Arc<LabelledCloud>>,
+    /// Points of the depths that are being made.
+    pub growing: Option<&'a Arc<LabelledCloud>>,
     /// What the cameras were found with, where that was structure from motion.
     pub sparse: Option<&'a Arc<SparseModel>>,
     /// The PLY that is inspected alone.
@@ -52,10 +54,11 @@ impl Look<'_> {
         !self.project.frames.is_empty()
     }
 
-    /// The points of the 3-D view: the labelled cloud, else those that the cameras were found with.
+    /// The points of the 3-D view: those of the depths that are being made, the labelled cloud, else those that the cameras
+    /// were found with.
     #[must_use]
     pub fn points(&self) -> Option<&Arc<LabelledCloud>> {
-        self.cloud.or(self.sparse.map(|sparse| &sparse.cloud))
+        self.growing.or(self.cloud).or(self.sparse.map(|sparse| &sparse.cloud))
     }
 
     /// The job of this title, where one runs.

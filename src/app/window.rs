@@ -114,6 +114,7 @@ impl Window {
             project,
             root: self.session.root(),
             cloud: self.session.cloud(),
+            growing: self.session.growing_cloud(),
             sparse: self.session.sparse(),
             inspected: self.session.inspected(),
             pictures: self.pictures.as_ref(),

@@ -330,6 +330,13 @@ pub(super) enum ShotColor {
     Confidence,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum ShotModel {
+    Cloud,
+    Mesh,
+    Voxels,
+}
+
 #[derive(Debug, Args)]
 pub(super) struct ShotArgs {
     /// The project's folder.
@@ -340,8 +347,8 @@ pub(super) struct ShotArgs {
     #[arg(long, default_value = "rgb")]
     pub color: ShotColor,
     /// What is drawn.
-    #[arg(long, default_value = "cloud", value_parser = ["cloud", "mesh", "voxels"])]
-    pub model: String,
+    #[arg(long, default_value = "cloud")]
+    pub model: ShotModel,
     /// Read deeper labels as their ancestor at this depth (1 = top).
     #[arg(long, value_name = "N", value_parser = values::from_one)]
     pub level: Option<usize>,

@@ -30,7 +30,10 @@ pub(super) fn demo(args: &DemoArgs) -> Result<()> {
     draw(&session, args)?;
     drop(session);
     say(&report.table());
-    say(&format!("\nresults in {}: cloud.ply, shot.png, report.json, truth/, project/\n", args.out.display()));
+    say(&format!(
+        "\nresults in {}: cloud.ply, mesh.ply, shot.png, report.json, truth/, project/\n",
+        args.out.display()
+    ));
     if args.headless || !has_display() { Ok(()) } else { crate::app::run(Some(args.out.join("project"))) }
 }
 

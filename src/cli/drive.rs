@@ -8,13 +8,16 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, anyhow};
 
 use super::print::say;
-use crate::scene::LabelledCloud;
+use crate::scene::fuse::Votes;
+use crate::scene::{LabelledCloud, LabelledMesh};
 use crate::session::{Command, Event, JobView, Project, Session, Suggestion};
 
 /// Ctrl+C was pressed; what was finished is kept.
 #[derive(Debug, Clone, Copy, thiserror::Error)]
 #[error("stopped; what was finished is kept")]
 pub(super) struct Interrupted;
+
+const NO_SURFACE: &str = "the project has no surface; make one with 'ostra fuse'";
 
 /// A session driven to rest after every command.
 pub(super) struct Driver {
@@ -60,6 +63,24 @@ impl Driver {
             self.settle()?;
         }
         self.session.cloud().cloned().context("the project has no cloud yet; make one with 'ostra fuse'")
+    }
+
+    /// How the cloud was voted on, once it was loaded.
+    pub(super) fn votes(&self) -> Option<Arc<Votes>> {
+        self.session.votes().cloned()
+    }
+
+    /// The surface that was made with the cloud.
+    pub(super) fn mesh(&mut self) -> Result<Arc<LabelledMesh>> {
+        if self.session.mesh().is_none() {
+            self.settle()?;
+        }
+        self.session.mesh().cloned().context(NO_SURFACE)
+    }
+
+    /// Edge of that surface's voxels.
+    pub(super) fn surface_voxel(&self) -> Result<f64> {
+        self.session.surface_voxel().context(NO_SURFACE)
     }
 
     /// What the last search for unlabelled things found.

@@ -110,7 +110,9 @@ pub(super) fn export(args: ExportArgs) -> Result<()> {
             ..Default::default()
         })
     {
-        bail!("nothing to export was named; give --cloud, --cameras, --masks, --depths or --traits with a path");
+        bail!(
+            "nothing to export was named; give --cloud, --mesh, --voxels, --cameras, --masks, --depths or --traits with a path"
+        );
     }
     Driver::open(&args.project)?.act_and_save([Command::Export(request)])
 }

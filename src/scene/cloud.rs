@@ -63,6 +63,46 @@ impl LabelledCloud {
         }
     }
 
+    /// Adds an unlabelled point without a normal.
+    pub(crate) fn push(&mut self, position: glam::Vec3, color: [u8; 3]) {
+        self.positions.push(position);
+        self.normals.push(glam::Vec3::ZERO);
+        self.colors.push(color);
+        self.labels.push(LabelId::NONE);
+        self.confidence.push(0.0);
+    }
+
+    /// Adds all points of another cloud; the tree stays.
+    pub(crate) fn append(&mut self, other: &Self) {
+        self.positions.extend_from_slice(&other.positions);
+        self.normals.extend_from_slice(&other.normals);
+        self.colors.extend_from_slice(&other.colors);
+        self.labels.extend_from_slice(&other.labels);
+        self.confidence.extend_from_slice(&other.confidence);
+    }
+
+    /// Adds a point like another cloud's at another place.
+    pub(crate) fn push_copy(&mut self, from: &Self, point: usize, position: glam::Vec3, normal: glam::Vec3) {
+        self.positions.push(position);
+        self.normals.push(normal);
+        self.colors.push(from.colors[point]);
+        self.labels.push(from.labels[point]);
+        self.confidence.push(from.confidence[point]);
+    }
+
+    /// Adds the middle of some points, under a label and with the least of their confidences; returns its index.
+    pub(crate) fn push_mean(&mut self, of: &[u32], label: LabelId) -> u32 {
+        let share = 1.0 / of.len() as f32;
+        let points = || of.iter().map(|&point| point as usize);
+        self.positions.push(points().map(|point| self.positions[point]).sum::<glam::Vec3>() * share);
+        self.normals.push(points().map(|point| self.normals[point]).sum::<glam::Vec3>().normalize_or_zero());
+        let channel = |at: usize| points().map(|point| f32::from(self.colors[point][at])).sum::<f32>() * share;
+        self.colors.push([0, 1, 2].map(|at| channel(at).round() as u8));
+        self.labels.push(label);
+        self.confidence.push(points().map(|point| self.confidence[point]).fold(1.0, f32::min));
+        self.len() as u32 - 1
+    }
+
     /// The cloud with every label read at `level` (1 = top); the tree stays whole.
     #[must_use]
     pub fn at_level(&self, level: usize) -> Self {

@@ -27,6 +27,14 @@ pub enum SceneError {
     /// Something is asked for that the input cannot give.
     #[error("{0}")]
     Request(String),
+    /// A result would take more memory than it may.
+    #[error("with voxels of {voxel} the surface takes more than {mebibytes} MiB; give a larger voxel size")]
+    TooLarge {
+        /// Edge of the voxels, world units.
+        voxel: f64,
+        /// What it may take.
+        mebibytes: usize,
+    },
     /// A frame could not be read.
     #[error(transparent)]
     Frame(#[from] FrameError),

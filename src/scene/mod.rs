@@ -8,13 +8,18 @@ mod cloud;
 mod error;
 pub mod fuse;
 pub mod measure;
+mod mesh;
 pub mod ply;
 pub mod points;
 pub mod score;
 pub mod sfm;
 pub mod stereo;
 pub mod synthetic;
+pub mod volume;
+mod voxels;
 
 pub use carry::{CarryOptions, GeometryTracker};
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;
+pub use mesh::LabelledMesh;
+pub use voxels::{voxel_faces, voxelize};

@@ -1,23 +1,33 @@
 use std::cell::Cell;
 use std::fs::File;
 use std::io::BufReader;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
 
 use super::jobs::{Kind, Landing};
-use super::store::{cloud_path, version_in_force, votes_path};
+use super::store::{cloud_path, mesh_path, version_in_force, votes_path};
 use super::{Event, JobId, ResultKind, Session};
-use crate::scene::LabelledCloud;
 use crate::scene::fuse::{Votes, read_votes};
-use crate::scene::ply::read_ply;
+use crate::scene::ply::{read_mesh, read_ply};
+use crate::scene::{LabelledCloud, LabelledMesh};
 
 /// The labelled cloud that was loaded or made last.
 #[derive(Default)]
 pub(super) struct CloudSlot {
     loaded: Option<Loaded>,
     /// Somebody asked for the project's cloud since it was last loaded.
+    wanted: Cell<bool>,
+    /// The version that is being loaded or could not be.
+    tried: Option<u64>,
+}
+
+/// The surface that was loaded last.
+#[derive(Default)]
+pub(super) struct SurfaceSlot {
+    loaded: Option<(u64, Arc<LabelledMesh>)>,
+    /// Somebody asked for the project's surface since it was last loaded.
     wanted: Cell<bool>,
     /// The version that is being loaded or could not be.
     tried: Option<u64>,
@@ -50,6 +60,51 @@ impl Session {
     #[must_use]
     pub fn votes(&self) -> Option<&Arc<Votes>> {
         self.loaded_cloud()?.votes.as_ref()
+    }
+
+    /// Edge of the voxels of the surface that was made with the project's cloud, world units; `None` where there is no
+    /// cloud, or it has none (a cloud that was given).
+    #[must_use]
+    pub fn surface_voxel(&self) -> Option<f64> {
+        self.project()?.results.get(&ResultKind::Cloud)?.voxel
+    }
+
+    /// Where that surface lies.
+    pub(super) fn surface_file(&self) -> Option<(PathBuf, f64)> {
+        let version = version_in_force(self.project()?, ResultKind::Cloud)?;
+        Some((mesh_path(self.root()?, version), self.surface_voxel()?))
+    }
+
+    /// The surface that was made with the project's cloud. As [`Self::cloud`] it is loaded by a job when it is first asked
+    /// for.
+    #[must_use]
+    pub fn mesh(&self) -> Option<&Arc<LabelledMesh>> {
+        let version = version_in_force(self.project()?, ResultKind::Cloud)?;
+        self.surface_voxel()?;
+        let loaded = self.surface.loaded.as_ref().filter(|(of, _)| *of == version);
+        if loaded.is_none() {
+            self.surface.wanted.set(true);
+        }
+        loaded.map(|(_, mesh)| mesh)
+    }
+
+    /// Starts to load the surface that was asked for.
+    pub(super) fn load_wanted_mesh(&mut self) {
+        let version = self.project().and_then(|project| version_in_force(project, ResultKind::Cloud));
+        if !self.surface.wanted.take() || self.surface.tried == version {
+            return;
+        }
+        self.surface.tried = version;
+        let (Some(version), Some((path, _))) = (version, self.surface_file()) else { return };
+        self.start("Load mesh", Kind::Short, move |link| {
+            let mesh =
+                read_mesh(&path, &link.progress).context("the mesh of this step is not kept any more; fuse again")?;
+            Ok(Box::new(move |session: &mut Self| {
+                session.surface.loaded = Some((version, Arc::new(mesh)));
+                session.events.push(Event::CloudChanged);
+                Ok(())
+            }) as Landing)
+        });
     }
 
     fn loaded_cloud(&self) -> Option<&Loaded> {
@@ -101,7 +156,7 @@ impl Session {
     }
 }
 
-fn read_votes_file(path: &Path) -> Result<Votes> {
+pub(super) fn read_votes_file(path: &Path) -> Result<Votes> {
     let file = File::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     read_votes(BufReader::new(file)).with_context(|| format!("{}: is damaged; fuse again", path.display()))
 }

@@ -77,6 +77,16 @@ pub struct Link {
 }
 
 impl Link {
+    /// The job whose work this is.
+    pub fn job(&self) -> JobId {
+        self.job
+    }
+
+    /// Whether somebody looks on while the work goes on: a window, not a script.
+    pub fn is_watched(&self) -> bool {
+        self.waker.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
     /// Hands a piece of the result over while the work goes on.
     ///
     /// # Errors

@@ -15,6 +15,7 @@ mod engines;
 mod estimate;
 pub mod evaluate;
 mod event;
+mod growing;
 mod history;
 mod hover;
 mod jobs;

@@ -83,6 +83,9 @@ pub struct ResultRecord {
     /// result has no files of its own.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub version: u64,
+    /// Edge of the voxels that the surface was made with, world units; `None` = the result has no surface.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub voxel: Option<f64>,
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference")]

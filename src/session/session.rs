@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 
-use super::cloud::CloudSlot;
+use super::cloud::{CloudSlot, SurfaceSlot};
 use super::commands::TrackRun;
+use super::growing::Growing;
 use super::hover::Hover;
 use super::jobs::{Job, Jobs, Kind, Landing};
 use super::prepared::PreparedFrames;
@@ -34,6 +35,8 @@ pub struct Session {
     pub(super) events: Vec<Event>,
     pub(super) recipe: Recipe,
     pub(super) cloud: CloudSlot,
+    pub(super) surface: SurfaceSlot,
+    pub(super) growing: Growing,
     pub(super) sparse: SparseSlot,
     pub(super) track: Option<TrackRun>,
     pub(super) prepared: Arc<PreparedFrames>,
@@ -67,6 +70,8 @@ impl Session {
             events: Vec::new(),
             recipe: Recipe { format: 1, commands: Vec::new() },
             cloud: CloudSlot::default(),
+            surface: SurfaceSlot::default(),
+            growing: Growing::default(),
             sparse: SparseSlot::default(),
             track: None,
             prepared: Arc::new(PreparedFrames::new(PREPARED_BYTES)),
@@ -160,6 +165,7 @@ impl Session {
             self.take_result(job, result);
         }
         self.load_wanted_cloud();
+        self.load_wanted_mesh();
         self.load_wanted_sparse();
         self.checkpoint_if_due();
         std::mem::take(&mut self.events)

@@ -3,10 +3,10 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::{Bounds, Coloring, Orbit, RasterStyle, ViewError, draw_cloud};
+use super::{Bounds, Coloring, Orbit, RasterStyle, ViewError, draw_cloud, draw_mesh};
 use crate::frames::{Frame, Image};
 use crate::masks::LabelId;
-use crate::scene::LabelledCloud;
+use crate::scene::{LabelledCloud, LabelledMesh};
 
 /// What a shot shows.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +34,25 @@ pub fn shot(cloud: &LabelledCloud, frames: &[Frame], options: &ShotOptions) -> R
         default_view(cloud, frames, options.size.0 as f32 / options.size.1.max(1) as f32).ok_or(ViewError::Empty)?;
     let style = RasterStyle { coloring: options.coloring, hidden: options.hidden.clone(), ..RasterStyle::default() };
     Ok(draw_cloud(cloud, &orbit.camera(options.size.0, options.size.1), &style))
+}
+
+/// Draws a mesh as [`shot`] draws a cloud, each pixel the mean of four.
+///
+/// # Errors
+/// [`ViewError::Empty`] without vertices.
+pub fn shot_mesh(mesh: &LabelledMesh, frames: &[Frame], options: &ShotOptions) -> Result<Image, ViewError> {
+    let (width, height) = options.size;
+    let aspect = width as f32 / height.max(1) as f32;
+    let orbit = default_view(&mesh.vertices, frames, aspect).ok_or(ViewError::Empty)?;
+    let style = RasterStyle { coloring: options.coloring, hidden: options.hidden.clone(), ..RasterStyle::default() };
+    let fine = draw_mesh(mesh, &orbit.camera(width * 2, height * 2), &style);
+    let mean = |at: usize| {
+        let (x, y) = (at % width as usize * 2, at / width as usize * 2);
+        let four = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)]
+            .map(|(x, y)| fine.pixels[y * fine.width as usize + x].map(u32::from));
+        [0, 1, 2].map(|channel| (four.iter().map(|color| color[channel]).sum::<u32>() / 4) as u8)
+    };
+    Ok(Image { width, height, pixels: (0..width as usize * height as usize).map(mean).collect() })
 }
 
 /// The view that shows the labelled points (all points where none has a label) as the cameras saw them: along the

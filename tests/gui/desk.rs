@@ -76,6 +76,7 @@ impl Desk {
 
     pub fn ui(&mut self, ui: &mut Ui) {
         let look = Look {
+            growing: None,
             project: &self.project,
             root: self.root.as_deref(),
             cloud: self.cloud.as_ref(),

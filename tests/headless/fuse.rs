@@ -5,9 +5,10 @@ use std::sync::Arc;
 use ostra::engine::job::Progress;
 use ostra::frames::{DepthMap, Frame, Image, Orientation, PictureSource};
 use ostra::geometry::Camera;
-use ostra::masks::{LabelMask, LabelTree};
+use ostra::masks::{LabelId, LabelMask, LabelTree};
 use ostra::scene::fuse::{ChangedMask, FuseOptions, Fused, OntoOptions, Views, fuse, relabel, vote_onto, write_votes};
 use ostra::scene::ply::{Coloring, read_ply, write_ply};
+use ostra::scene::points::Neighbours;
 use ostra::scene::score::{CloudScore, CloudScoreOptions, cloud_table, score_cloud};
 use ostra::scene::synthetic::{RenderedView, Scene, SceneOptions, SensorNoise, TruthOptions};
 use ostra::scene::{LabelledCloud, SceneError};
@@ -182,4 +183,48 @@ fn tiller_from_a_noisy_sensor_by_true_masks() {
     let (iou, accuracy) = tiller(Some(SensorNoise::default()));
     assert!(iou.len() >= 3 && iou.iter().all(|&iou| iou > 0.93), "{iou:?}");
     assert!(accuracy > 0.985, "{accuracy}");
+}
+
+/// Points by where they lie: farther than 2 % of their depth from every labelled surface, with no label from any view
+/// (background) or some (contour), and within 2 mm of a labelled surface.
+#[derive(Debug, Default)]
+struct Lie {
+    background: usize,
+    contour: usize,
+    true_points: usize,
+}
+
+fn lie(fused: &Fused, truth: &Neighbours, eyes: &[glam::Vec3]) -> Lie {
+    let mut lie = Lie::default();
+    for (point, &position) in fused.cloud.positions.iter().enumerate() {
+        let depth = eyes.iter().map(|eye| eye.distance(position)).fold(f32::MAX, f32::min);
+        let (_, away) = truth.nearest(position);
+        let voted = fused.votes.histogram(point).iter().any(|&(label, _)| label != LabelId::NONE);
+        lie.background += usize::from(away > 0.02 * depth && !voted);
+        lie.contour += usize::from(away > 0.02 * depth && voted);
+        lie.true_points += usize::from(away < 0.002);
+    }
+    lie
+}
+
+#[test]
+fn the_noise_filter_takes_what_lies_off_and_leaves_what_is_true() {
+    let scene = Scene::build(&SceneOptions { noise: Some(SensorNoise::default()), ..SceneOptions::default() }).unwrap();
+    let (made, progress) = (Made::new(&scene), Progress::default());
+    let options = TruthOptions { surroundings_m: None, min_views: 0, ..TruthOptions::default() };
+    let truth = Neighbours::new(&scene.cloud(&options, &progress).unwrap().positions).unwrap();
+    let eyes: Vec<glam::Vec3> =
+        made.frames.iter().map(|frame| frame.posed_camera().unwrap().1.centre().as_vec3()).collect();
+    let fused = |drop_unlabelled| {
+        let options = FuseOptions { drop_unlabelled, ..FuseOptions::default() };
+        fuse(&made, scene.tree(), &options, &progress).unwrap()
+    };
+    let (all, filtered) = (fused(false), fused(true));
+    let (before, after) = (lie(&all, &truth, &eyes), lie(&filtered, &truth, &eyes));
+    println!("{before:?} -> {after:?}, {:?}", filtered.report.dropped);
+    assert!(before.background > 100_000 && before.contour > 1000, "{before:?}");
+    assert!(after.background * 10 <= before.background && after.contour * 10 <= before.contour, "{after:?}");
+    assert!(after.true_points * 100 >= before.true_points * 99, "{after:?} of {before:?}");
+    let dropped = filtered.report.dropped;
+    assert_eq!(dropped.background + dropped.contour, all.cloud.len() - filtered.cloud.len());
 }

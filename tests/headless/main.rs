@@ -43,6 +43,8 @@ mod shared;
 #[cfg(test)]
 mod stereo;
 #[cfg(test)]
+mod stereo_made;
+#[cfg(test)]
 mod suggestions;
 #[cfg(test)]
 mod thin;

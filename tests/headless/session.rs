@@ -4,8 +4,10 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use glam::DVec2;
+use ostra::engine::job::Progress;
 use ostra::frames::{FrameFolder, OpenRequest};
 use ostra::masks::{Click, LabelId, Prompt, deepest_point, read_palette_png};
+use ostra::scene::ply::{read_mesh, read_ply};
 use ostra::session::{
     Command, Event, ExportRequest, FuseRequest, MaskOrigin, NewProject, PromptRequest, ReconstructRequest, ResultKind,
     Session, TrackSettings,
@@ -126,9 +128,36 @@ fn exports(session: &mut Session, folder: &Path) {
     assert!(depth.iter().any(|depth| (0.2..3.0).contains(depth)), "depth in metres");
     let traits = std::fs::read_to_string(out.join("traits.csv")).unwrap();
     assert!(traits.contains("bunny"), "{traits}");
-    let mesh = ExportRequest { mesh: Some(out.join("mesh.ply")), ..ExportRequest::default() };
-    let error = perform(session, Command::Export(mesh)).unwrap_err().to_string();
-    assert!(error.contains("has no mesh"), "{error}");
+    surface(session, &out);
+}
+
+/// The mesh and the voxels that were made with the cloud.
+fn surface(session: &mut Session, out: &Path) {
+    let path = |name: &str| Some(out.join(name));
+    let request = ExportRequest {
+        mesh: path("mesh.ply"),
+        voxels: path("voxels.ply"),
+        per_label: true,
+        ..ExportRequest::default()
+    };
+    perform(session, Command::Export(request)).unwrap();
+    let progress = Progress::default();
+    let mesh = read_mesh(&out.join("mesh.ply"), &progress).unwrap();
+    let label = |vertex: u32| mesh.vertices.labels[vertex as usize];
+    assert!(
+        mesh.triangles.len() > 1000
+            && mesh.triangles.iter().all(|&[a, b, c]| label(a) == label(b) && label(b) == label(c))
+    );
+    let part = read_mesh(&out.join("mesh_bunny.ply"), &progress).unwrap();
+    assert!(!part.triangles.is_empty() && part.triangles.len() < mesh.triangles.len());
+    let voxel = session.surface_voxel().unwrap();
+    let voxels = read_ply(&out.join("voxels.ply"), &progress).unwrap().cloud;
+    let cloud = session.cloud().unwrap();
+    assert!(voxels.len() > 500 && voxels.len() <= cloud.len(), "{} of {}", voxels.len(), cloud.len());
+    let centred = |along: f32| (f64::from(along) / voxel - 0.5).rem_euclid(1.0);
+    assert!(voxels.positions[7].to_array().iter().all(|&along| centred(along).min(1.0 - centred(along)) < 0.01));
+    let obj = ExportRequest { mesh: path("mesh.obj"), ..ExportRequest::default() };
+    assert!(perform(session, Command::Export(obj)).unwrap_err().to_string().contains("written as PLY"));
 }
 
 /// The commands of a session, run by another, make an equal project.

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 use ostra::frames::DepthSource;
 use ostra::session::{Command, Event, ReconstructMethod, ReconstructRequest, Session};
@@ -142,6 +142,31 @@ fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
     let (once, twice) = (depth_maps(&whole.root()), depth_maps(&parts.root()));
     assert_eq!(once.len(), 5);
     assert!(once == twice, "the same depth maps, byte for byte");
+}
+
+/// Whoever looks on sees points as soon as a view is done, and none once the job is.
+#[test]
+fn a_cloud_grows_while_depth_is_made() {
+    let Some(data) = data_dir() else { return };
+    let project = project(&data.join("dtu_scan24"), 4);
+    let mut session = opened(&project);
+    let (tell, told) = std::sync::mpsc::channel();
+    session.set_waker(move || {
+        let _ = tell.send(());
+    });
+    session.act(request()).unwrap();
+    let mut seen: Vec<usize> = Vec::new();
+    while !session.jobs().is_empty() {
+        session.poll();
+        let points = session.growing_cloud().map_or(0, |cloud| cloud.len());
+        if seen.last() != Some(&points) {
+            seen.push(points);
+        }
+        let _ = told.recv_timeout(Duration::from_millis(200));
+    }
+    assert_eq!((seen[0], session.growing_cloud()), (0, None), "{seen:?}");
+    let rising = seen.windows(2).filter(|pair| pair[1] > pair[0]).count();
+    assert!(rising >= 3 && seen.iter().any(|&points| points > 10_000), "{seen:?}");
 }
 
 #[test]

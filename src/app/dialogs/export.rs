@@ -4,7 +4,7 @@ use super::picker::{Pick, PickTarget, path_field_ui};
 use crate::app::tips::{modal, section_heading};
 use crate::app::view_state::typed_path;
 use crate::app::{Look, ViewState};
-use crate::session::{Command, ExportRequest};
+use crate::session::{Command, ExportRequest, ResultKind};
 
 /// The export dialog as filled in so far.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -12,6 +12,8 @@ pub struct ExportForm {
     /// Folder that everything is written into.
     pub(super) into: String,
     cloud: bool,
+    mesh: bool,
+    voxels: bool,
     masks: bool,
     cameras: bool,
     depths: bool,
@@ -25,6 +27,8 @@ impl Default for ExportForm {
         Self {
             into: String::new(),
             cloud: true,
+            mesh: false,
+            voxels: false,
             masks: false,
             cameras: false,
             depths: false,
@@ -38,6 +42,7 @@ impl Default for ExportForm {
 /// What there is to export.
 struct Available {
     cloud: bool,
+    surface: bool,
     masks: bool,
     cameras: bool,
     depths: bool,
@@ -47,6 +52,7 @@ impl Available {
     fn of(look: &Look<'_>) -> Self {
         Self {
             cloud: look.cloud.is_some(),
+            surface: look.project.results.get(&ResultKind::Cloud).is_some_and(|cloud| cloud.voxel.is_some()),
             masks: !look.project.masks.is_empty(),
             cameras: look.project.frames.iter().any(|frame| frame.posed_camera().is_some()),
             depths: look.project.frames.iter().any(|frame| frame.depth.is_some()),
@@ -60,6 +66,8 @@ impl ExportForm {
         let path = |wanted: bool, there: bool, name: &str| (wanted && there).then(|| into.join(name));
         let request = ExportRequest {
             cloud: path(self.cloud, has.cloud, "cloud.ply"),
+            mesh: path(self.mesh, has.surface, "mesh.ply"),
+            voxels: path(self.voxels, has.surface, "voxels.ply"),
             masks: path(self.masks, has.masks, "masks"),
             cameras: path(self.cameras, has.cameras, "sparse"),
             depths: path(self.depths, has.depths, "depths"),
@@ -68,7 +76,8 @@ impl ExportForm {
             per_label: self.per_label,
             ..ExportRequest::default()
         };
-        let anything = [&request.cloud, &request.masks, &request.cameras, &request.depths].iter().any(|p| p.is_some());
+        let ExportRequest { cloud, mesh, voxels, masks, cameras, depths, .. } = &request;
+        let anything = [cloud, mesh, voxels, masks, cameras, depths].iter().any(|path| path.is_some());
         anything.then_some(request)
     }
 }
@@ -106,6 +115,8 @@ pub(in crate::app) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, 
 fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
     let rows = [
         (&mut form.cloud, has.cloud, "Labelled cloud", "cloud.ply", "Fuse first"),
+        (&mut form.mesh, has.surface, "Mesh", "mesh.ply, each triangle in one label", "Fuse depths first"),
+        (&mut form.voxels, has.surface, "Voxels", "voxels.ply, a point at the middle of each", "Fuse depths first"),
         (&mut form.masks, has.masks, "Masks", "masks/ palette PNGs and labels.json", "There are no masks yet"),
         (&mut form.cameras, has.cameras, "Cameras", "sparse/ COLMAP text model", "There are no cameras yet"),
         (&mut form.depths, has.depths, "Depths", "depths/ 32-bit float TIFFs", "There are no depths yet"),
@@ -121,7 +132,7 @@ fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
 }
 
 fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
-    let tip = "Writes the same points in the colours of their labels beside the file";
+    let tip = "Writes the same points or mesh in the colours of the labels beside the file";
     ui.checkbox(&mut form.twin, "Twin in label colours").on_hover_text(tip);
     ui.checkbox(&mut form.per_label, "One file per label too")
         .on_hover_text("Writes each label's points into a file of their own");
@@ -158,12 +169,14 @@ mod tests {
 
     #[test]
     fn only_what_is_there_and_ticked_is_written() {
-        let mut form = ExportForm { into: "/out".into(), masks: true, depths: true, ..ExportForm::default() };
-        let has = Available { cloud: true, masks: true, cameras: true, depths: false };
+        let mut form =
+            ExportForm { into: "/out".into(), masks: true, depths: true, mesh: true, ..ExportForm::default() };
+        let has = Available { cloud: true, surface: false, masks: true, cameras: true, depths: false };
         let request = form.request(&has).unwrap();
         assert_eq!(request.cloud, Some("/out/cloud.ply".into()));
         assert_eq!(request.masks, Some("/out/masks".into()));
         assert_eq!((request.cameras, request.depths, request.level), (None, None, None));
+        assert_eq!(request.mesh, None, "the cloud has no surface");
         form.into.clear();
         assert!(form.request(&has).is_none());
     }

@@ -25,6 +25,8 @@ pub(super) struct RegionStats {
     pub at: [f32; 2],
     /// Mean of ln depth; NaN where nothing is known.
     pub ln_depth: f32,
+    /// Whether the depth of nearly all of its pixels was measured, not filled in.
+    pub measured: bool,
     /// Sides on the picture's border.
     pub rim: f32,
 }
@@ -54,9 +56,19 @@ pub(super) struct RegionGraph {
 }
 
 impl RegionGraph {
-    pub fn new(partition: &Partition, lab: &[[f32; 3]], depth: Option<(&DepthMap, &Surfaces)>, width: usize) -> Self {
+    /// `measured` is the depth as it came, without what was filled in since.
+    pub fn new(
+        partition: &Partition,
+        lab: &[[f32; 3]],
+        depth: Option<(&DepthMap, &Surfaces)>,
+        measured: Option<&DepthMap>,
+        width: usize,
+    ) -> Self {
         let height = lab.len() / width;
         let mut regions = stats(partition, lab, depth.map(|(depth, _)| depth), width, height);
+        if let Some(measured) = measured {
+            set_measured(&mut regions, partition, measured);
+        }
         if let Some((_, surfaces)) = depth {
             set_tones(&mut regions, partition, &surfaces.mean(lab, TONE_RADIUS_PX));
         }
@@ -199,6 +211,16 @@ fn set_tones(regions: &mut [RegionStats], partition: &Partition, smooth: &[[f32;
     for (&of, smooth) in partition.of_pixel.iter().zip(smooth) {
         let region = &mut regions[of as usize];
         (0..3).for_each(|channel| region.tone[channel] += smooth[channel] / region.area);
+    }
+}
+
+fn set_measured(regions: &mut [RegionStats], partition: &Partition, measured: &DepthMap) {
+    let mut known_px = vec![0.0; regions.len()];
+    for (&of, &depth) in partition.of_pixel.iter().zip(&measured.depths) {
+        known_px[of as usize] += f32::from(u8::from(known(depth)));
+    }
+    for (region, known_px) in regions.iter_mut().zip(known_px) {
+        region.measured = known_px > 0.9 * region.area;
     }
 }
 

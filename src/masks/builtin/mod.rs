@@ -9,6 +9,7 @@ mod boxes;
 mod bridges;
 mod candidates;
 mod choice;
+mod complete;
 mod depth_edges;
 mod edges;
 mod energy;

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use super::appearance::Palette;
+use super::complete::completed;
 use super::depth_edges::depth_edges;
 use super::edges::edge_map;
 use super::graph::RegionGraph;
@@ -65,7 +66,9 @@ fn prepare_reduced(
     progress.step(0, STAGES)?;
     let lab = lab_of(reduced);
     progress.step(1, STAGES)?;
-    let depth = depth.map(|depth| (depth, Surfaces::new(depth)));
+    let measured = depth;
+    let depth = measured.map(|depth| completed(depth, &lab));
+    let depth = depth.as_ref().map(|depth| (depth, Surfaces::new(depth)));
     let depth = depth.as_ref().map(|(depth, surfaces)| (*depth, surfaces));
     let jumps = depth.map(|(depth, surfaces)| (depth_edges(depth), surfaces));
     let edges = edge_map(&lab, width, height, jumps.as_ref().map(|(jumps, surfaces)| (jumps, *surfaces)));
@@ -77,7 +80,7 @@ fn prepare_reduced(
     let smooth = depth.map(|(_, surfaces)| surfaces.mean(&lab, 1));
     let partition = partition(smooth.as_ref().unwrap_or(&lab), depth, &edges, width, &options);
     progress.step(3, STAGES)?;
-    let graph = RegionGraph::new(&partition, &lab, depth, width);
+    let graph = RegionGraph::new(&partition, &lab, depth, measured, width);
     let palette = Palette::new(&graph.regions);
     progress.step(4, STAGES)?;
     let raster = Raster::new(image, factor, partition.of_pixel, &graph.regions, progress)?;

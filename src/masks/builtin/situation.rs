@@ -68,9 +68,10 @@ impl<'a> Situation<'a> {
         let widest = 0.45 * graph.width.min(graph.height) as f32;
         let joined = roles.iter().zip(&apart).filter(|(role, _)| **role == Role::Joined);
         let reach = joined.map(|(_, &apart)| apart).fold(widest, f32::min).max(4.0);
-        let off_depth = off_depth(graph, seed as usize, &apart);
-        let has_depth = !graph.regions[seed as usize].ln_depth.is_nan();
-        let same_thing = has_depth.then(|| same_thing(graph, seed, &roles, &off_depth));
+        let of_thing = trusted(graph, (click, seed), &apart);
+        let off_depth = off_depth(graph, of_thing as usize, &apart);
+        let has_depth = !graph.regions[of_thing as usize].ln_depth.is_nan();
+        let same_thing = has_depth.then(|| same_thing(graph, of_thing, &roles, &off_depth));
         let area =
             inside.iter().zip(&graph.regions).map(|(&inside, region)| if inside { region.area } else { 0.0 }).sum();
         Some(Self { graph, palette, clicks, roles, seed, include, apart, far, reach, off_depth, same_thing, area })
@@ -121,6 +122,24 @@ impl<'a> Situation<'a> {
 /// Geodesic length of stepping over an edge: the way itself and, much more, the chance that an object ends there.
 fn step_cost(graph: &RegionGraph, edge: &Edge) -> f32 {
     0.3 * graph.apart(edge) + 120.0 * (edge.strength - 0.2).max(0.0).powi(2)
+}
+
+/// The region whose depth tells where the clicked thing is: the clicked one, unless its depth was not measured and something
+/// that was stands before it close by. Who clicks into a hole of the depth means the thing, not what is behind it.
+fn trusted(graph: &RegionGraph, (click, seed): (Click, u32), apart: &[f32]) -> u32 {
+    const NEAR_PX: f32 = 14.0;
+    const BEFORE: f32 = 0.06;
+    let clicked = &graph.regions[seed as usize];
+    if !click.include || clicked.measured {
+        return seed;
+    }
+    let before = |at: &usize| {
+        let region = &graph.regions[*at];
+        let stands_before = clicked.ln_depth.is_nan() || region.ln_depth < clicked.ln_depth - BEFORE;
+        region.measured && apart[*at] < NEAR_PX && stands_before
+    };
+    let nearest = (0..apart.len()).filter(before).min_by(|&a, &b| apart[a].total_cmp(&apart[b]));
+    nearest.map_or(seed, |at| at as u32)
 }
 
 /// How far regions lie from the depth of the clicked one, allowing for a surface that runs towards or away from the

@@ -40,3 +40,4 @@ pub use seen::{SeenPoint, SeenPoints};
 pub use source::{ProjectViews, Views};
 pub use votes::{Voter, Votes};
 pub use votes_file::{read_votes, write_votes};
+pub use voxel_size::pixel_footprint;

@@ -12,7 +12,10 @@ const ENOUGH_LABELLED: usize = 20;
 /// What one pixel covers at the median depth, rounded to two digits: the finest detail that most pixels can show. Where
 /// masks have labels, only labelled pixels count: a plant stands nearer than the wall behind it. `None` when no frame
 /// has a depth above 0.
-pub(super) fn pixel_footprint(views: &dyn Views, usable: &[usize]) -> Result<Option<f64>, SceneError> {
+///
+/// # Errors
+/// What reading a depth says.
+pub fn pixel_footprint(views: &dyn Views, usable: &[usize]) -> Result<Option<f64>, SceneError> {
     let step = usable.len().div_ceil(FRAMES).max(1);
     let (mut labelled, mut all) = (Vec::new(), Vec::new());
     for &index in usable.iter().step_by(step) {

@@ -38,3 +38,25 @@ fn next_line(reader: &mut impl BufRead, line: &mut String) -> Result<(), String>
     let read = reader.read_line(line).map_err(|error| error.to_string())?;
     if read == 0 { Err("the file ends early".into()) } else { Ok(()) }
 }
+
+/// Reads a line of properties, of which those marked are lists, and returns the first list.
+pub(super) fn read_list(reader: &mut impl BufRead, properties: impl Iterator<Item = bool>) -> Result<Vec<i64>, String> {
+    let mut line = String::new();
+    next_line(reader, &mut line)?;
+    let mut words = line.split_ascii_whitespace();
+    for is_list in properties {
+        // What stands before the list may be any number; it is not looked at.
+        let count = if is_list { whole(words.next())? } else { 1 };
+        let values = (0..count).map(|_| words.next());
+        if is_list {
+            return values.map(whole).collect();
+        }
+        values.for_each(drop);
+    }
+    Err("it has no list of corners".into())
+}
+
+fn whole(word: Option<&str>) -> Result<i64, String> {
+    let word = word.ok_or("a line has fewer numbers than the header says")?;
+    word.parse().map_err(|_| format!("'{word}' is no whole number"))
+}

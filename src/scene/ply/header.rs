@@ -18,6 +18,8 @@ pub(super) struct Layout {
     pub(super) before: Vec<ElementDef>,
     /// The vertices, their properties renamed by [`Slot::property_name`].
     pub(super) vertex: ElementDef,
+    /// Elements after the vertices; the last one is the faces, where the file has some.
+    pub(super) after: Vec<ElementDef>,
     /// Slot of each vertex property, in the file's order; `None` = a list.
     pub(super) columns: Vec<Option<Slot>>,
     /// Factor from a stored colour to 0–255.
@@ -56,14 +58,17 @@ impl Layout {
             .keys()
             .position(|name| name == "vertex")
             .ok_or("it has no element 'vertex', so no points; export it as a point cloud or mesh with vertices")?;
+        let faces = header.elements.keys().position(|name| name == "face");
         let mut elements: Vec<ElementDef> = header.elements.into_iter().map(|(_, element)| element).collect();
-        elements.truncate(place + 1);
+        let mut after = elements.split_off(place + 1);
+        after.truncate(faces.filter(|&faces| faces > place).map_or(0, |faces| faces - place));
         let Some(found) = elements.pop() else { return Err("it has no points".into()) };
         let mut layout = Self {
             encoding: header.encoding,
             comments: header.comments,
             before: elements,
             vertex: ElementDef::new(found.name),
+            after,
             columns: Vec::new(),
             color_scale: 1.0,
             double_positions: false,

@@ -1,11 +1,12 @@
-//! Labelled clouds in PLY files: our own form out, anybody's form in.
+//! Labelled clouds and meshes in PLY files: our own form out, anybody's form in.
 //!
 //! Written: binary little-endian, `x y z nx ny nz` float, `red green blue` uchar, `label` ushort, `confidence` float;
-//! `comment label ID PARENT NAME` (PARENT 0 = none) and `comment color ID RRGGBB` for each label.
+//! `comment label ID PARENT NAME` (PARENT 0 = none) and `comment color ID RRGGBB` for each label; a mesh's faces as the list `vertex_indices`.
 //!
 //! May use: masks, engine::job, ply-rs. Must not touch: frames, UI.
 
 mod ascii;
+mod faces;
 mod header;
 mod names;
 mod read;
@@ -15,6 +16,6 @@ mod tests;
 mod vertex;
 mod write;
 
-pub use read::{PlyCloud, read_ply};
-pub use split::{LabelPart, save_per_label, split_by_label, twin_path};
-pub use write::{Coloring, save_ply, write_ply};
+pub use read::{PlyCloud, read_mesh, read_ply};
+pub use split::{LabelPart, label_paths, save_per_label, split_by_label, twin_path};
+pub use write::{Coloring, save_mesh, save_ply, write_ply};

@@ -7,13 +7,14 @@ use ply_rs::parser::Parser;
 use ply_rs::ply::{ElementDef, Encoding};
 
 use super::ascii;
+use super::faces::read_faces;
 use super::header::{Layout, first_line};
 use super::names::tree_from_comments;
 use super::vertex::{Slot, Vertex};
 use crate::engine::job::Progress;
 use crate::masks::LabelId;
 use crate::scene::cloud::name_unknown_labels;
-use crate::scene::{LabelledCloud, SceneError};
+use crate::scene::{LabelledCloud, LabelledMesh, SceneError};
 
 /// Points between two looks at the stop sign.
 const STRIDE: usize = 1 << 16;
@@ -47,7 +48,33 @@ pub fn read_ply(path: &Path, progress: &Progress) -> Result<PlyCloud, SceneError
     let file = File::open(path).map_err(io)?;
     let bytes = file.metadata().map_err(io)?.len();
     let mut reader = BufReader::with_capacity(1 << 18, file);
-    read_from(&mut reader, bytes, progress).map_err(|fault| match fault {
+    read_or(path, || read_from(&mut reader, bytes, progress))
+}
+
+/// Reads a PLY file with its faces, which must stand after its vertices; faces of more corners are cut into triangles.
+///
+/// # Errors
+/// As [`read_ply`], and [`SceneError::Invalid`] where there are no faces, or vertices without a finite position, or a face
+/// names a vertex that is not there.
+pub fn read_mesh(path: &Path, progress: &Progress) -> Result<LabelledMesh, SceneError> {
+    let io = |source| SceneError::Io { path: path.to_path_buf(), source };
+    let file = File::open(path).map_err(io)?;
+    let bytes = file.metadata().map_err(io)?.len();
+    let mut reader = BufReader::with_capacity(1 << 18, file);
+    let read = || -> Result<LabelledMesh, Fault> {
+        let layout = Layout::read(&mut reader)?;
+        let vertices = read_vertices(&mut reader, &layout, bytes, progress)?.cloud;
+        if vertices.len() != layout.vertex.count {
+            return Err("some of its vertices have no finite position; repair the mesh".to_owned().into());
+        }
+        let triangles = read_faces(&mut reader, &layout, vertices.len(), progress)?;
+        Ok(LabelledMesh { vertices, triangles })
+    };
+    read_or(path, read)
+}
+
+fn read_or<T>(path: &Path, read: impl FnOnce() -> Result<T, Fault>) -> Result<T, SceneError> {
+    read().map_err(|fault| match fault {
         Fault::Content(what) => SceneError::Invalid { path: path.to_path_buf(), what },
         Fault::Stopped(stopped) => stopped.into(),
     })
@@ -69,21 +96,30 @@ impl From<String> for Fault {
 /// Reads a PLY file of `bytes` bytes from its beginning.
 pub(super) fn read_from(reader: &mut impl BufRead, bytes: u64, progress: &Progress) -> Result<PlyCloud, Fault> {
     let layout = Layout::read(reader)?;
-    layout.before.iter().try_for_each(|element| skip(reader, &layout, element, progress))?;
+    read_vertices(reader, &layout, bytes, progress)
+}
+
+fn read_vertices(
+    reader: &mut impl BufRead,
+    layout: &Layout,
+    bytes: u64,
+    progress: &Progress,
+) -> Result<PlyCloud, Fault> {
+    layout.before.iter().try_for_each(|element| skip(reader, layout, element, progress))?;
     let count = layout.vertex.count;
     // A header can claim any number of points: never reserve more than the file can hold.
-    let mut builder = Builder::new(&layout, count.min(usize::try_from(bytes).unwrap_or(usize::MAX) / 3));
+    let mut builder = Builder::new(layout, count.min(usize::try_from(bytes).unwrap_or(usize::MAX) / 3));
     let mut line = String::new();
     for index in 0..count {
         if index % STRIDE == 0 {
             progress.step(index, count).map_err(Fault::Stopped)?;
         }
-        let vertex = read_vertex(reader, &layout, &mut line).map_err(|what| {
+        let vertex = read_vertex(reader, layout, &mut line).map_err(|what| {
             format!("point {index} of {count} cannot be read ({what}); the file is damaged or cut off")
         })?;
         builder.push(&vertex).map_err(|what| format!("point {index}: {what}"))?;
     }
-    Ok(builder.finish(&layout))
+    Ok(builder.finish(layout))
 }
 
 fn read_vertex(reader: &mut impl BufRead, layout: &Layout, line: &mut String) -> Result<Vertex, String> {
@@ -99,8 +135,13 @@ fn read_vertex(reader: &mut impl BufRead, layout: &Layout, line: &mut String) ->
     })
 }
 
-/// Reads over an element that stands before the vertices.
-fn skip(reader: &mut impl BufRead, layout: &Layout, element: &ElementDef, progress: &Progress) -> Result<(), Fault> {
+/// Reads over an element that is not wanted.
+pub(super) fn skip(
+    reader: &mut impl BufRead,
+    layout: &Layout,
+    element: &ElementDef,
+    progress: &Progress,
+) -> Result<(), Fault> {
     if element.properties.is_empty() && layout.encoding != Encoding::Ascii {
         return Ok(());
     }

@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::write::{Coloring, save_ply};
@@ -37,16 +37,27 @@ pub fn split_by_label(cloud: &LabelledCloud) -> Vec<LabelPart> {
 /// # Errors
 /// As [`save_ply`]; the files before the fault are whole and stay.
 pub fn save_per_label(path: &Path, cloud: &LabelledCloud, progress: &Progress) -> Result<Vec<PathBuf>, SceneError> {
-    let mut written: Vec<PathBuf> = Vec::new();
+    let files = label_paths(path, cloud);
     for part in split_by_label(cloud) {
-        let mut file = beside(path, &file_part(&part.name));
-        if written.contains(&file) {
-            file = beside(path, &format!("{}_{}", file_part(&part.name), part.id.0));
-        }
-        save_ply(&file, &part.cloud, Coloring::Picture, progress)?;
-        written.push(file);
+        save_ply(&files[&part.id], &part.cloud, Coloring::Picture, progress)?;
     }
-    Ok(written)
+    Ok(files.into_values().collect())
+}
+
+/// Where the parts of a cloud or mesh go that is written to `path`, for each label that has points: `STEM_NAME.ply`.
+#[must_use]
+pub fn label_paths(path: &Path, cloud: &LabelledCloud) -> BTreeMap<LabelId, PathBuf> {
+    let ids: BTreeSet<LabelId> = cloud.labels.iter().copied().collect();
+    let mut paths: BTreeMap<LabelId, PathBuf> = BTreeMap::new();
+    for id in ids {
+        let name = file_part(&label_name(&cloud.tree, id));
+        let mut file = beside(path, &name);
+        if paths.values().any(|taken| *taken == file) {
+            file = beside(path, &format!("{name}_{}", id.0));
+        }
+        paths.insert(id, file);
+    }
+    paths
 }
 
 /// Where the twin of a cloud in label colours goes: `STEM_labels.ply` beside it.

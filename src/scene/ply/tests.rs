@@ -5,7 +5,7 @@ use super::read::{Fault, PlyCloud, read_from};
 use super::*;
 use crate::engine::job::Progress;
 use crate::masks::{Label, LabelId};
-use crate::scene::{LabelledCloud, SceneError, UNLABELLED_COLOR};
+use crate::scene::{LabelledCloud, LabelledMesh, SceneError, UNLABELLED_COLOR};
 
 fn read(bytes: &[u8]) -> Result<PlyCloud, String> {
     read_from(&mut &bytes[..], bytes.len() as u64, &Progress::default()).map_err(|fault| match fault {
@@ -206,4 +206,40 @@ fn a_stop_or_fault_leaves_the_old_file() {
             .to_string()
             .contains("no/where")
     );
+}
+
+#[test]
+fn a_mesh_comes_back_and_is_a_cloud_for_those_who_want_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh.ply");
+    let mut vertices = sample();
+    vertices.push_copy(&sample(), 0, Vec3::Y, Vec3::Z);
+    let mesh = LabelledMesh { vertices, triangles: vec![[0, 1, 2], [2, 1, 0]] };
+    let progress = Progress::default();
+    save_mesh(&path, &mesh, Coloring::Picture, &progress).unwrap();
+    assert!(read_mesh(&path, &progress).unwrap() == mesh);
+    assert!(read_ply(&path, &progress).unwrap().cloud == mesh.vertices);
+    let cloud = folder.path().join("cloud.ply");
+    save_ply(&cloud, &sample(), Coloring::Picture, &progress).unwrap();
+    assert!(read_mesh(&cloud, &progress).unwrap_err().to_string().contains("no faces"));
+}
+
+#[test]
+fn meshes_of_others_are_read_in_text_and_with_larger_faces() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |faces: &str| {
+        let path = folder.path().join("other.ply");
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+             element edge 1\nproperty int a\nelement face 1\nproperty float quality\n\
+             property list uchar uint vertex_index\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n7\n{faces}\n"
+        );
+        std::fs::write(&path, text).unwrap();
+        read_mesh(&path, &Progress::default()).map(|mesh| mesh.triangles).map_err(|error| error.to_string())
+    };
+    assert_eq!(read("0.5 4 0 1 2 3").unwrap(), [[0, 1, 2], [0, 2, 3]]);
+    assert!(read("0.5 3 0 1 4").unwrap_err().contains("not there"));
+    assert!(read("0.5 3 0 -1 2").unwrap_err().contains("not there"));
+    assert!(read("0.5 3 0 1").unwrap_err().contains("damaged"));
+    assert!(read("0.5 3 0 1 x").unwrap_err().contains("no whole number"));
 }

@@ -10,7 +10,7 @@ use ply_rs::writer::Writer;
 
 use super::names::comments_of;
 use crate::engine::job::Progress;
-use crate::scene::{LabelledCloud, SceneError};
+use crate::scene::{LabelledCloud, LabelledMesh, SceneError};
 
 /// Points between two looks at the stop sign.
 const STRIDE: usize = 1 << 16;
@@ -31,10 +31,30 @@ pub enum Coloring {
 /// # Errors
 /// [`SceneError::Io`], [`SceneError::Request`] for a cloud whose vectors differ in length, [`SceneError::Stopped`].
 pub fn save_ply(path: &Path, cloud: &LabelledCloud, coloring: Coloring, progress: &Progress) -> Result<(), SceneError> {
+    save(path, &Content { cloud, triangles: None, coloring }, progress)
+}
+
+/// Writes a mesh to `path` as [`save_ply`] does: its vertices as a cloud's points, and an element `face` with the list
+/// `vertex_indices`.
+///
+/// # Errors
+/// As [`save_ply`].
+pub fn save_mesh(path: &Path, mesh: &LabelledMesh, coloring: Coloring, progress: &Progress) -> Result<(), SceneError> {
+    save(path, &Content { cloud: &mesh.vertices, triangles: Some(&mesh.triangles), coloring }, progress)
+}
+
+/// What a file gets.
+struct Content<'a> {
+    cloud: &'a LabelledCloud,
+    triangles: Option<&'a [[u32; 3]]>,
+    coloring: Coloring,
+}
+
+fn save(path: &Path, content: &Content<'_>, progress: &Progress) -> Result<(), SceneError> {
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(format!(".{}.tmp", std::process::id()));
     let temporary = path.with_file_name(name);
-    let written = write_file(&temporary, cloud, coloring, progress)
+    let written = write_file(&temporary, content, progress)
         .and_then(|()| std::fs::rename(&temporary, path).map_err(|source| io(path, source)));
     if written.is_err() {
         let _ = std::fs::remove_file(&temporary);
@@ -42,9 +62,9 @@ pub fn save_ply(path: &Path, cloud: &LabelledCloud, coloring: Coloring, progress
     written
 }
 
-fn write_file(path: &Path, cloud: &LabelledCloud, coloring: Coloring, progress: &Progress) -> Result<(), SceneError> {
+fn write_file(path: &Path, content: &Content<'_>, progress: &Progress) -> Result<(), SceneError> {
     let mut out = File::create(path).map_err(|source| io(path, source))?;
-    write_ply(&mut out, cloud, coloring, progress).map_err(|error| match error {
+    write(&mut out, content, progress).map_err(|error| match error {
         SceneError::Io { source, .. } => io(path, source),
         other => other,
     })?;
@@ -65,10 +85,15 @@ pub fn write_ply<W: Write>(
     coloring: Coloring,
     progress: &Progress,
 ) -> Result<(), SceneError> {
+    write(out, &Content { cloud, triangles: None, coloring }, progress)
+}
+
+fn write<W: Write>(out: W, content: &Content<'_>, progress: &Progress) -> Result<(), SceneError> {
+    let Content { cloud, triangles, coloring } = *content;
     check_lengths(cloud)?;
     let fail = |source| SceneError::Io { path: PathBuf::new(), source };
     let mut out = BufWriter::with_capacity(1 << 18, out);
-    let header = header(cloud);
+    let header = header(cloud, triangles);
     let writer = Writer::<Point>::new();
     writer.write_header(&mut out, &header).map_err(fail)?;
     let colors = match coloring {
@@ -89,6 +114,10 @@ pub fn write_ply<W: Write>(
         };
         writer.write_little_endian_element(&mut out, &point, definition).map_err(fail)?;
     }
+    for triangle in triangles.unwrap_or_default() {
+        out.write_all(&[3]).map_err(fail)?;
+        out.write_all(bytemuck::cast_slice(&triangle.map(u32::to_le_bytes))).map_err(fail)?;
+    }
     out.flush().map_err(fail)
 }
 
@@ -100,7 +129,7 @@ fn check_lengths(cloud: &LabelledCloud) -> Result<(), SceneError> {
     }
 }
 
-fn header(cloud: &LabelledCloud) -> Header {
+fn header(cloud: &LabelledCloud, triangles: Option<&[[u32; 3]]>) -> Header {
     let mut vertex = ElementDef::new("vertex".into());
     vertex.count = cloud.len();
     let columns = [
@@ -119,6 +148,13 @@ fn header(cloud: &LabelledCloud) -> Header {
     header.version = Version { major: 1, minor: 0 };
     header.comments = comments_of(&cloud.tree);
     header.elements.add(vertex);
+    if let Some(triangles) = triangles {
+        let mut face = ElementDef::new("face".into());
+        face.count = triangles.len();
+        let corners = PropertyType::List(ScalarType::UChar, ScalarType::Int);
+        face.properties.add(PropertyDef::new("vertex_indices".into(), corners));
+        header.elements.add(face);
+    }
     header
 }
 

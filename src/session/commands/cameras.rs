@@ -196,6 +196,7 @@ fn record(result: &SfmResult, took: Duration, version: u64) -> ResultRecord {
         stale: false,
         settings: settings(result),
         version,
+        voxel: None,
     }
 }
 

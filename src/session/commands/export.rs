@@ -6,15 +6,17 @@ use anyhow::{Context, Result, bail, ensure};
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
 use crate::frames::cameras::{SparsePoints, write_colmap_model};
-use crate::masks::MaskFormat;
+use crate::masks::{Label, LabelTree, MaskFormat};
 use crate::scene::LabelledCloud;
+use crate::scene::fuse::Votes;
 use crate::scene::ply::{Coloring, read_ply, save_per_label, save_ply, twin_path};
+use crate::session::cloud::read_votes_file;
 use crate::session::jobs::{Kind, Landing};
-use crate::session::store::{cloud_path, load_sparse, version_in_force};
+use crate::session::store::{cloud_path, load_sparse, version_in_force, votes_path};
 use crate::session::{ExportRequest, JobId, Project, ResultKind, Session};
 
 /// What an export reads: snapshots.
-struct Sources {
+pub(super) struct Sources {
     project: Arc<Project>,
     store: Arc<FrameStore>,
     /// The labelled cloud in memory, or where it lies.
@@ -22,6 +24,9 @@ struct Sources {
     cloud_file: Option<PathBuf>,
     /// The project's folder; `None` for a PLY that is inspected.
     root: Option<PathBuf>,
+    /// Where the surface lies that was made with the cloud, and the edge of its voxels.
+    pub(super) surface: Option<(PathBuf, f64)>,
+    votes_file: Option<PathBuf>,
 }
 
 impl Session {
@@ -42,18 +47,28 @@ impl Session {
         let version = version_in_force(&project, ResultKind::Cloud);
         let root = self.root().map(Path::to_owned);
         let cloud_file = version.and_then(|version| Some(cloud_path(root.as_deref()?, version)));
-        Ok(Sources { project, store: Arc::clone(&self.store), cloud: self.cloud().cloned(), cloud_file, root })
+        let votes_file = version.and_then(|version| Some(votes_path(root.as_deref()?, version)));
+        let store = Arc::clone(&self.store);
+        let (cloud, surface) = (self.cloud().cloned(), self.surface_file());
+        Ok(Sources { project, store, cloud, cloud_file, votes_file, root, surface })
     }
 }
 
 fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
     let ExportRequest { cloud, mesh, voxels, cameras, undistorted, masks, depths, traits, .. } = request;
-    ensure!(mesh.is_none(), "the project has no mesh; this version makes none yet, export the cloud instead");
-    ensure!(voxels.is_none(), "the project has no voxels; this version makes none yet, export the cloud instead");
-    let anything = [cloud, cameras, undistorted, masks, depths, traits].into_iter().any(Option::is_some);
-    ensure!(anything, "nothing to export was named; choose a cloud, cameras, masks, depths or traits");
+    let anything = [cloud, mesh, voxels, cameras, undistorted, masks, depths, traits].into_iter().any(Option::is_some);
+    ensure!(anything, "nothing to export was named; choose a cloud, mesh, voxels, cameras, masks, depths or traits");
     let has_cloud = sources.cloud.is_some() || sources.cloud_file.is_some();
-    ensure!(has_cloud || (cloud.is_none() && traits.is_none()), "the project has no cloud yet; fuse first");
+    let of_cloud = [cloud, mesh, voxels, traits].into_iter().any(Option::is_some);
+    ensure!(has_cloud || !of_cloud, "the project has no cloud yet; fuse first");
+    for path in [mesh, voxels].into_iter().flatten() {
+        let is_ply = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply"));
+        ensure!(is_ply, "{}: meshes and voxels are written as PLY; give a name that ends in .ply", path.display());
+        ensure!(
+            sources.surface.is_some(),
+            "this cloud has no surface; fuse the project's depths (not onto a given cloud)"
+        );
+    }
     let frames = &sources.project.frames;
     ensure!(
         (cameras.is_none() && undistorted.is_none()) || frames.iter().any(|frame| frame.posed_camera().is_some()),
@@ -68,11 +83,16 @@ fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
 }
 
 fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Result<()> {
-    if request.cloud.is_some() || request.traits.is_some() {
+    if request.cloud.is_some() || request.voxels.is_some() || request.traits.is_some() {
         let cloud = load_cloud(sources, progress)?;
         request.cloud.as_deref().map_or(Ok(()), |path| write_cloud(path, &cloud, request, progress))?;
+        let voxels = |path| write_cloud(path, &super::models::voxels(&cloud, sources)?, request, progress);
+        request.voxels.as_deref().map_or(Ok(()), voxels)?;
         let traits = |path| super::traits::write(path, &cloud, request.level, progress);
         request.traits.as_deref().map_or(Ok(()), traits)?;
+    }
+    if let Some(path) = &request.mesh {
+        super::models::write_mesh(path, sources, request, progress)?;
     }
     let sparse =
         || sources.root.as_deref().map_or_else(SparsePoints::default, |root| load_sparse(root, &sources.project));
@@ -99,14 +119,25 @@ fn load_cloud(sources: &Sources, progress: &Progress) -> Result<LabelledCloud> {
         (None, None) => bail!("there is no cloud"),
     };
     if sources.cloud_file.is_some() {
-        let mut tree = sources.project.labels.clone();
-        // Labels taken out since the cloud was made keep their former names in it.
-        for label in cloud.tree.iter().filter(|label| sources.project.labels.get(label.id).is_none()) {
-            let _ = tree.set(crate::masks::Label { parent: None, ..label.clone() });
-        }
-        cloud.tree = tree;
+        cloud.tree = sources.tree_of_today(&cloud.tree);
     }
     Ok(cloud)
+}
+
+impl Sources {
+    /// The project's labels; those taken out since a result was made keep their former names in it.
+    pub(super) fn tree_of_today(&self, former: &LabelTree) -> LabelTree {
+        let mut tree = self.project.labels.clone();
+        for label in former.iter().filter(|label| self.project.labels.get(label.id).is_none()) {
+            let _ = tree.set(Label { parent: None, ..label.clone() });
+        }
+        tree
+    }
+
+    /// How the cloud was voted on; `None` for a PLY that is inspected.
+    pub(super) fn votes(&self) -> Result<Option<Votes>> {
+        self.votes_file.as_deref().map(read_votes_file).transpose()
+    }
 }
 
 fn write_cloud(path: &Path, cloud: &LabelledCloud, request: &ExportRequest, progress: &Progress) -> Result<()> {

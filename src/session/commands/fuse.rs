@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
+use super::surface::{Made, Sources};
 use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore};
 use crate::masks::Label;
@@ -27,10 +28,18 @@ impl Session {
         let store = Arc::clone(&self.store);
         Ok(self.start("Fuse", Kind::Long, move |link| {
             let begun = Instant::now();
-            let fused = make(&store, &root, &project, &request, &link.progress)?;
+            let mut fused = make(&store, &root, &project, &request, &link.progress)?;
             link.progress.stage("save")?;
             save_ply(&cloud_path(&root, version), &fused.cloud, Coloring::Picture, &link.progress)?;
             save_votes(&votes_path(&root, version), &fused.votes)?;
+            let sources = Sources { store: &store, root: &root, project: &project, request: &request };
+            let voxel = match sources.make_surface(version, &link.progress)? {
+                Made::Surface { voxel } => Some(voxel),
+                Made::Nothing(why) => {
+                    fused.report.warnings.extend(why);
+                    None
+                }
+            };
             sync_folder(&root.join("versions"))?;
             let record = ResultRecord {
                 engine: if request.onto.is_some() { "onto".into() } else { "fuse".into() },
@@ -39,6 +48,7 @@ impl Session {
                 stale: false,
                 settings: settings(&request, &fused, stereo_version(&project).is_some()),
                 version,
+                voxel,
             };
             Ok(Box::new(move |session: &mut Self| session.take_cloud(&project, fused, record)) as Landing)
         }))
@@ -92,7 +102,7 @@ fn has_stale_depths(project: &Project) -> bool {
 }
 
 /// The version of the depth maps, where stereo made all that there are.
-fn stereo_version(project: &Project) -> Option<u64> {
+pub(super) fn stereo_version(project: &Project) -> Option<u64> {
     let measured = project.frames.iter().any(Frame::has_sensor_depth);
     let made = project.frames.iter().any(|frame| frame.depth.is_some());
     version_in_force(project, ResultKind::Depths).filter(|_| made && !measured)

@@ -106,6 +106,7 @@ pub(super) fn is_posed(frame: &Frame) -> bool {
 /// The record of a result that came with the frames.
 pub(super) fn given(kind: ResultKind, frames: usize, settings: &str) -> Edit {
     let settings = settings.to_owned();
-    let record = ResultRecord { engine: "given".into(), frames, seconds: 0.0, stale: false, settings, version: 0 };
+    let record =
+        ResultRecord { engine: "given".into(), frames, seconds: 0.0, stale: false, settings, version: 0, voxel: None };
     Edit::SetResult { kind, record: Some(record) }
 }

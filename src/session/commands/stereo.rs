@@ -19,6 +19,7 @@ use crate::scene::stereo::{
     sparse_from_cameras,
 };
 use crate::session::engines::matcher;
+use crate::session::growing::Shown;
 use crate::session::jobs::Link;
 use crate::session::store::{DepthAccount, DepthFolder, depth_map_path, depth_versions, load_sparse};
 use crate::session::{Edit, Project, ReconstructRequest, ResultKind, ResultRecord, Session};
@@ -49,7 +50,9 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
     let mut account = DepthAccount { key, max_side: options.max_side, outcomes: None };
     folder.save_account(&account)?;
     let how = (&*store, &request, &options);
-    let estimate = |engine: &Engine| estimate(&project, &root, &views, &folder, how, engine, &link.progress);
+    let frames = &project.frames;
+    let shown = Shown { depths: &folder, frames, pictures: &store, max_side: options.max_side, link };
+    let estimate = |engine: &Engine| estimate(&project, &root, &views, (&folder, &shown), how, engine, &link.progress);
     let mut of_device = Vec::new();
     let (engine, outcomes) = on_device(&request.device, &mut of_device, estimate)?;
     let mut warnings = views_without_depth(&project.frames, &outcomes);
@@ -65,6 +68,7 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
         stale: false,
         settings: settings(&views, &made, &options, &engine),
         version,
+        voxel: None,
     };
     ensure!(record.frames > 0, "no frame got depth: {}", warnings.first().map_or("", String::as_str));
     Ok(link.send(move |session: &mut Session| session.take_depths(&project, &made, record, warnings))?)
@@ -185,7 +189,7 @@ fn estimate(
     project: &Project,
     root: &Path,
     views: &[usize],
-    folder: &DepthFolder,
+    (folder, depths): (&DepthFolder, &dyn DepthStore),
     (store, request, options): (&FrameStore, &ReconstructRequest, &StereoOptions),
     engine: &Engine,
     progress: &Progress,
@@ -201,7 +205,7 @@ fn estimate(
         request.only_labelled.then(|| seen().unwrap_or_else(none))
     };
     let wish = StereoRequest { frames, views, sparse: &sparse, mask: &mask, engine };
-    Ok(estimate_depths(&wish, store, folder, options, progress)?)
+    Ok(estimate_depths(&wish, store, depths, options, progress)?)
 }
 
 fn labelled(ids: &[LabelId]) -> Vec<bool> {

@@ -13,7 +13,7 @@ use crate::frames::{Frame, FrameFolder, OpenRequest};
 use crate::geometry::{Alignment, Similarity};
 use crate::masks::LabelMask;
 use crate::scene::LabelledCloud;
-use crate::scene::ply::{Coloring, read_ply, save_ply};
+use crate::scene::ply::{Coloring, read_mesh, read_ply, save_mesh, save_ply};
 use crate::scene::score::{CloudScoreOptions, score_cloud};
 use crate::scene::synthetic::{Scene, SceneOptions, TruthOptions, View};
 use crate::session::{Command, ExportRequest, FuseRequest, NewProject, ReconstructMethod, ReconstructRequest, Session};
@@ -21,7 +21,7 @@ use crate::session::{Command, ExportRequest, FuseRequest, NewProject, Reconstruc
 /// What the demo makes and where.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DemoOptions {
-    /// Folder for everything: `recording/`, `project/`, `truth/`, `cloud.ply`, `report.json`.
+    /// Folder for everything: `recording/`, `project/`, `truth/`, `cloud.ply`, `mesh.ply`, `report.json`.
     pub out: PathBuf,
     /// The scene.
     pub scene: SceneOptions,
@@ -83,11 +83,12 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
         studio.act(Command::Fuse(FuseRequest { drop_unlabelled: true, ..FuseRequest::default() }))
     })?;
     let cloud_path = out.join("cloud.ply");
-    let export = ExportRequest { cloud: Some(cloud_path.clone()), ..ExportRequest::default() };
+    let mesh_path = studio.session.surface_voxel().map(|_| out.join("mesh.ply"));
+    let export = ExportRequest { cloud: Some(cloud_path.clone()), mesh: mesh_path.clone(), ..ExportRequest::default() };
     clock.time("7 export", || studio.act(Command::Export(export)))?;
     if options.method == DemoMethod::Stereo {
         let project = studio.session.project().context("no project is open")?;
-        align(&cloud_path, &project.frames, scene.views())?;
+        align(&cloud_path, mesh_path.as_deref(), &project.frames, scene.views())?;
     }
     let cloud = clock.time("8 score", || score(&truth_cloud, &cloud_path))?;
     let report = DemoReport {
@@ -160,8 +161,8 @@ fn new_project(out: &Path, method: DemoMethod) -> NewProject {
     }
 }
 
-/// Moves the cloud in a file to where the true camera centres are.
-fn align(cloud_path: &Path, frames: &[Frame], views: &[View]) -> Result<()> {
+/// Moves the cloud and the mesh in these files to where the true camera centres are.
+fn align(cloud_path: &Path, mesh_path: Option<&Path>, frames: &[Frame], views: &[View]) -> Result<()> {
     let pairs = frames.iter().zip(views).filter_map(|(frame, view)| {
         let (_, found) = frame.posed_camera()?;
         Some((found.centre(), view.camera_from_world.centre()))
@@ -170,13 +171,23 @@ fn align(cloud_path: &Path, frames: &[Frame], views: &[View]) -> Result<()> {
     let to_truth = Similarity::align(&found, &truth, Alignment::Sim3)?;
     let progress = Progress::default();
     let mut cloud = read_ply(cloud_path, &progress)?.cloud;
+    transform(&mut cloud, &to_truth);
+    save_ply(cloud_path, &cloud, Coloring::Picture, &progress)?;
+    if let Some(path) = mesh_path {
+        let mut mesh = read_mesh(path, &progress)?;
+        transform(&mut mesh.vertices, &to_truth);
+        save_mesh(path, &mesh, Coloring::Picture, &progress)?;
+    }
+    Ok(())
+}
+
+fn transform(cloud: &mut LabelledCloud, by: &Similarity) {
     for position in &mut cloud.positions {
-        *position = to_truth.transform(position.as_dvec3()).as_vec3();
+        *position = by.transform(position.as_dvec3()).as_vec3();
     }
     for normal in &mut cloud.normals {
-        *normal = (to_truth.rotation * normal.as_dvec3()).as_vec3();
+        *normal = (by.rotation * normal.as_dvec3()).as_vec3();
     }
-    Ok(save_ply(cloud_path, &cloud, Coloring::Picture, &progress)?)
 }
 
 fn score(truth: &LabelledCloud, cloud_path: &Path) -> Result<CloudReport> {

@@ -15,7 +15,8 @@ use crate::session::{Edit, History, Project, ResultKind};
 const KINDS: [ResultKind; 3] = [ResultKind::Cloud, ResultKind::Cameras, ResultKind::Depths];
 
 /// Plain name, and what stands before and after the number under `versions/`.
-const FILES: [(&str, &str, &str); 2] = [("cloud.ply", "cloud-", ".ply"), ("votes.bin", "votes-", ".bin")];
+const FILES: [(&str, &str, &str); 3] =
+    [("cloud.ply", "cloud-", ".ply"), ("votes.bin", "votes-", ".bin"), ("mesh.ply", "mesh-", ".ply")];
 
 /// What stands before the number of a sparse model's folder, and of one with depth maps.
 const SPARSE: &str = "sparse-";
@@ -32,6 +33,11 @@ pub fn cloud_path(root: &Path, version: u64) -> PathBuf {
 /// Where a version of the cloud's votes lies.
 pub fn votes_path(root: &Path, version: u64) -> PathBuf {
     root.join(format!("versions/votes-{version}.bin"))
+}
+
+/// Where the surface of a version of the labelled cloud lies; not every version has one.
+pub fn mesh_path(root: &Path, version: u64) -> PathBuf {
+    root.join(format!("versions/mesh-{version}.ply"))
 }
 
 /// Where a version of the sparse model lies: a folder with a COLMAP text model.
@@ -161,6 +167,7 @@ fn remove(root: &Path, version: u64, kind: ResultKind) {
         ResultKind::Cloud | ResultKind::Tracking => {
             let _ = fs::remove_file(cloud_path(root, version));
             let _ = fs::remove_file(votes_path(root, version));
+            let _ = fs::remove_file(mesh_path(root, version));
         }
     }
 }

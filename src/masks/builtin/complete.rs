@@ -1,0 +1,119 @@
+//! Holes of a depth map, filled by what the picture tells.
+
+use rayon::prelude::*;
+
+use super::depth_edges::known;
+use crate::frames::DepthMap;
+use crate::masks::lab::squared_difference;
+
+/// Pixels to each side that are asked.
+const REACH: usize = 8;
+/// Standard deviation of what their distance counts, pixels.
+const SPREAD_PX: f32 = 3.0;
+/// Standard deviation of what their colour counts, ΔE.
+const SPREAD_DELTA_E: f32 = 5.0;
+/// Votes of less than e to minus this are none.
+const LEAST: f32 = 12.0;
+/// Depths this near to each other are one surface, ln depth.
+const SAME: f32 = 0.03;
+/// Surfaces told apart around a pixel.
+const SURFACES: usize = 6;
+
+/// Depths around one pixel by surface: sums of weights and of weighted ln depths.
+#[derive(Default)]
+struct Ballot {
+    sums: [(f32, f32); SURFACES],
+    count: usize,
+}
+
+impl Ballot {
+    fn add(&mut self, ln_depth: f32, weight: f32) {
+        let near = |&(weights, depths): &(f32, f32)| (depths / weights - ln_depth).abs();
+        let held = &mut self.sums[..self.count];
+        match held.iter_mut().min_by(|a, b| near(a).total_cmp(&near(b))) {
+            Some(sum) if near(sum) < SAME => *sum = (sum.0 + weight, sum.1 + weight * ln_depth),
+            _ if self.count < SURFACES => {
+                self.sums[self.count] = (weight, weight * ln_depth);
+                self.count += 1;
+            }
+            _ => {}
+        }
+    }
+
+    /// The depth of the surface with most votes; 0 without any.
+    fn winner(&self) -> f32 {
+        let best = self.sums[..self.count].iter().max_by(|a, b| a.0.total_cmp(&b.0));
+        best.map_or(0.0, |(weights, depths)| (depths / weights).exp())
+    }
+}
+
+/// The depth map with each unknown depth taken from the surface that most of the like-coloured pixels around it lie on (after
+/// J. Kopf et al., *Joint Bilateral Upsampling*, SIGGRAPH 2007, with a vote for the mean: no depth between two surfaces comes
+/// up). Depths farther than [`REACH`] from any known one stay unknown.
+pub(super) fn completed(depth: &DepthMap, lab: &[[f32; 3]]) -> DepthMap {
+    let (width, height) = (depth.width as usize, depth.height as usize);
+    let vote = |at: usize| {
+        if known(depth.depths[at]) {
+            return depth.depths[at];
+        }
+        let (x, y) = (at % width, at / width);
+        let mut ballot = Ballot::default();
+        for row in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
+            for column in x.saturating_sub(REACH)..(x + REACH + 1).min(width) {
+                let from = row * width + column;
+                if !known(depth.depths[from]) {
+                    continue;
+                }
+                let apart = (row.abs_diff(y).pow(2) + column.abs_diff(x).pow(2)) as f32;
+                let color = squared_difference(lab[at], lab[from]);
+                let unlike = apart / (2.0 * SPREAD_PX * SPREAD_PX) + color / (2.0 * SPREAD_DELTA_E * SPREAD_DELTA_E);
+                if unlike < LEAST {
+                    ballot.add(depth.depths[from].ln(), (-unlike).exp());
+                }
+            }
+        }
+        ballot.winner()
+    };
+    DepthMap { depths: (0..width * height).into_par_iter().map(vote).collect(), ..*depth }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GREEN: [f32; 3] = [60.0, -40.0, 40.0];
+    const GREY: [f32; 3] = [60.0, 0.0, 0.0];
+
+    /// A green stripe three pixels wide at depth 1 before a grey wall at 2.
+    fn stripe() -> (Vec<[f32; 3]>, DepthMap) {
+        let is_stripe = |at: usize| (20..23).contains(&(at % 40));
+        let lab = (0..40 * 30).map(|at| if is_stripe(at) { GREEN } else { GREY }).collect();
+        let depths = (0..40 * 30).map(|at| if is_stripe(at) { 1.0 } else { 2.0 }).collect();
+        (lab, DepthMap { width: 40, height: 30, depths })
+    }
+
+    #[test]
+    fn holes_follow_the_colours() {
+        let (lab, truth) = stripe();
+        let mut damaged = truth.clone();
+        for y in 0..30 {
+            if y % 10 < 4 {
+                damaged.depths[y * 40 + 18..y * 40 + 26].fill(0.0);
+            }
+        }
+        let mended = completed(&damaged, &lab);
+        let wrong = mended.depths.iter().zip(&truth.depths).filter(|(a, b)| (*a - *b).abs() > 0.02).count();
+        assert_eq!(wrong, 0);
+    }
+
+    #[test]
+    fn what_is_sound_stays_to_the_bit_and_what_is_far_from_all_stays_unknown() {
+        let (lab, mut depth) = stripe();
+        assert!(completed(&depth, &lab) == depth);
+        depth.depths.fill(0.0);
+        depth.depths[0] = 1.5;
+        let completed = completed(&depth, &lab);
+        assert_eq!(completed.depths[15 * 40 + 30], 0.0);
+        assert!((completed.depths[3 * 40 + 3] - 1.5).abs() < 1e-5);
+    }
+}

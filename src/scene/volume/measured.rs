@@ -1,0 +1,133 @@
+use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::frames::{DepthMap, Image};
+use crate::geometry::{Camera, Distortion, Pose};
+
+/// What one frame measured, ready to be added to a volume: a picture without lens distortion, pixel for pixel.
+pub(super) struct Measured {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) focal: Vec2,
+    pub(super) principal: Vec2,
+    pub(super) pixels: Vec<Pixel>,
+    pub(super) rotation: DMat3,
+    pub(super) translation: DVec3,
+}
+
+/// One pixel's part of the surface.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Pixel {
+    /// Along the optical axis, world units; 0 = nothing that counts.
+    pub(super) depth: f32,
+    /// Distance from the surface's tangent plane for one unit of depth before it, 0–1.
+    pub(super) slant: f32,
+    /// Squared cosine between the ray and the surface's normal, 0–1.
+    pub(super) weight: f32,
+    /// Of the surface, in the world, towards the camera.
+    pub(super) normal: Vec3,
+    pub(super) color: [u8; 3],
+    /// Whether voxels are wanted here.
+    pub(super) wanted: bool,
+}
+
+/// Surfaces seen flatter than this count as seen at it: a cosine.
+const FLATTEST: f32 = 0.1;
+
+/// What a pixel counts whose neighbours on both sides are another surface: it stands at a rim, where nothing is known of
+/// how the surface goes on.
+const AT_A_RIM: f32 = 0.1;
+
+impl Measured {
+    /// `wanted` tells for a pixel of the frame whether voxels are to be made where it sees something.
+    pub(super) fn new(
+        (camera, pose): (&Camera, &Pose),
+        depth: &DepthMap,
+        image: &Image,
+        edge_tolerance: f32,
+        wanted: impl Fn(usize) -> bool + Sync,
+    ) -> Self {
+        let straight = straightened(camera);
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let (focal, principal) = (straight.focal_px.as_vec2(), straight.principal_px.as_vec2());
+        let sources = (straight != *camera).then(|| pixels_seen(&straight, camera));
+        let source = |at: usize| sources.as_ref().map_or(Some(at), |sources| sources[at]);
+        let inverse: Vec<f32> = (0..width * height)
+            .into_par_iter()
+            .map(|at| source(at).map_or(0.0, |from| depth.depths[from]))
+            .map(|depth| if depth > 0.0 && depth.is_finite() { 1.0 / depth } else { 0.0 })
+            .collect();
+        let rotation = DMat3::from_quat(pose.rotation);
+        let world_from_camera = rotation.transpose().as_mat3();
+        let slopes = Slopes { width, height, inverse: &inverse, tolerance: edge_tolerance };
+        let pixel = |at: usize| {
+            let (Some(from), Some((slope, certainty))) = (source(at), slopes.at(at)) else { return Pixel::default() };
+            let ray = (Vec2::new((at % width) as f32, (at / width) as f32) + 0.5 - principal) / focal;
+            // On a plane the inverse depth is linear in the ray: n · (x, y, 1) = 1 / depth.
+            let across = slope * focal;
+            let normal = across.extend(inverse[at] - across.dot(ray));
+            let slant = inverse[at] / normal.length();
+            let normal = world_from_camera * -normal.normalize_or_zero();
+            let weight = (slant / ray.extend(1.0).length()).clamp(FLATTEST, 1.0).powi(2) * certainty;
+            let (depth, slant) = (1.0 / inverse[at], slant.clamp(FLATTEST, 1.0));
+            Pixel { depth, slant, weight, normal, color: image.pixels[from], wanted: wanted(from) }
+        };
+        let pixels = (0..width * height).into_par_iter().map(pixel).collect();
+        Self { width, height, focal, principal, pixels, rotation, translation: pose.translation }
+    }
+}
+
+/// The camera without its distortion; the picture keeps its size.
+fn straightened(camera: &Camera) -> Camera {
+    Camera { distortion: Distortion::None, ..*camera }
+}
+
+/// For each pixel of the straight picture the pixel of the real one that sees the same; `None` outside.
+fn pixels_seen(straight: &Camera, camera: &Camera) -> Vec<Option<usize>> {
+    let seen = |at: usize| {
+        let (x, y) = (at % camera.width as usize, at / camera.width as usize);
+        let ray = straight.unproject(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
+        let at_px = camera.project(ray.extend(1.0)).filter(|at_px| camera.contains(*at_px))?;
+        Some(at_px.y as usize * camera.width as usize + at_px.x as usize)
+    };
+    (0..camera.width as usize * camera.height as usize).into_par_iter().map(seen).collect()
+}
+
+/// How inverse depths change from pixel to pixel.
+struct Slopes<'a> {
+    width: usize,
+    height: usize,
+    /// 0 = unknown.
+    inverse: &'a [f32],
+    tolerance: f32,
+}
+
+impl Slopes<'_> {
+    /// The change for a step right and down, along the neighbours on the same surface, and how much it can be trusted, 0–1;
+    /// `None` without such neighbours.
+    fn at(&self, at: usize) -> Option<(Vec2, f32)> {
+        if self.inverse[at] == 0.0 {
+            return None;
+        }
+        let (x, y) = (at % self.width, at / self.width);
+        let right = self.along((x > 0).then(|| at - 1), at, (x + 1 < self.width).then_some(at + 1));
+        let down = self.along((y > 0).then(|| at - self.width), at, (y + 1 < self.height).then_some(at + self.width));
+        match (right, down) {
+            (Some(right), Some(down)) => Some((Vec2::new(right, down), 1.0)),
+            (None, None) => None,
+            (right, down) => Some((Vec2::new(right.unwrap_or(0.0), down.unwrap_or(0.0)), AT_A_RIM)),
+        }
+    }
+
+    fn along(&self, before: Option<usize>, at: usize, after: Option<usize>) -> Option<f32> {
+        let here = self.inverse[at];
+        let change = |other: Option<usize>| {
+            let change = self.inverse[other?] - here;
+            (change.abs() <= self.tolerance * here).then_some(change)
+        };
+        match (change(before), change(after)) {
+            (Some(before), Some(after)) => Some(0.5 * (after - before)),
+            (before, after) => after.or(before.map(|change| -change)),
+        }
+    }
+}

@@ -1,0 +1,38 @@
+use serde::{Deserialize, Serialize};
+
+/// How depth maps become a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct VolumeOptions {
+    /// Edge of a voxel in voxels' world units, above 0.
+    pub voxel: f64,
+    /// Distance from the surface up to which voxels are kept, in voxels, 2 to 16: wide enough for the noise of the
+    /// depths, narrower than the thinnest thing is thick.
+    pub truncation: f32,
+    /// A difference of depth up to this share is one surface, 0–1; pixels with no such neighbour along either axis fly
+    /// between two surfaces and are left out.
+    pub edge_tolerance: f32,
+    /// What frames must have seen of the surface, as a sum over them of the squared cosine between ray and normal: 1 =
+    /// one frame from straight above; 0 or more.
+    pub min_weight: f32,
+    /// Make voxels only near labelled pixels; frames without a mask make none.
+    pub only_labelled: bool,
+    /// Memory that the voxels may take; a surface that needs more is refused.
+    pub max_bytes: usize,
+    /// Separate pieces with fewer triangles are left out.
+    pub min_triangles: usize,
+}
+
+impl Default for VolumeOptions {
+    fn default() -> Self {
+        Self {
+            voxel: 0.005,
+            truncation: 3.0,
+            edge_tolerance: 0.03,
+            min_weight: 0.25,
+            only_labelled: false,
+            max_bytes: 2 << 30,
+            min_triangles: 64,
+        }
+    }
+}

@@ -1,0 +1,93 @@
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Result;
+
+use super::fuse::stereo_version;
+use crate::engine::job::Progress;
+use crate::frames::FrameStore;
+use crate::masks::LabelId;
+use crate::scene::fuse::{OntoOptions, ProjectViews, SeenPoints, pixel_footprint, vote_seen};
+use crate::scene::ply::{Coloring, save_mesh};
+use crate::scene::volume::{VolumeOptions, reconstruct_surface};
+use crate::scene::{LabelledMesh, SceneError};
+use crate::session::store::{DepthFolder, mesh_path};
+use crate::session::{FuseRequest, Project};
+
+/// What a surface is made of.
+pub(super) struct Sources<'a> {
+    pub(super) store: &'a FrameStore,
+    pub(super) root: &'a Path,
+    pub(super) project: &'a Project,
+    pub(super) request: &'a FuseRequest,
+}
+
+/// A surface that was made, or why there is none.
+pub(super) enum Made {
+    /// Its voxels have this edge.
+    Surface { voxel: f64 },
+    /// There is none; why, where one was to be expected.
+    Nothing(Option<String>),
+}
+
+impl Sources<'_> {
+    /// Makes the surface of the frames' depths beside a cloud, lets the masks vote on its vertices, and saves it.
+    ///
+    /// # Errors
+    /// A stop; what reading a frame or writing the file says.
+    pub(super) fn make_surface(&self, version: u64, progress: &Progress) -> Result<Made> {
+        if self.request.onto.is_some() {
+            return Ok(Made::Nothing(None));
+        }
+        let masks = |frame: usize| self.project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
+        let views = ProjectViews { frames: &self.project.frames, store: self.store, masks: &masks };
+        let Some(voxel) = self.voxel(&views)? else { return Ok(Made::Nothing(None)) };
+        let mut options =
+            VolumeOptions { voxel, only_labelled: self.request.drop_unlabelled, ..VolumeOptions::default() };
+        let surface = loop {
+            match reconstruct_surface(&views, &options, progress) {
+                // A size that nobody asked for may be larger: what is labelled stands near, a room around it is wide.
+                Err(SceneError::TooLarge { .. }) if self.request.voxel.is_none() => options.voxel *= 2.0,
+                Err(error @ (SceneError::TooLarge { .. } | SceneError::Request(_))) => {
+                    return Ok(Made::Nothing(Some(format!("no surface was made: {error}"))));
+                }
+                made => break made?,
+            }
+        };
+        if surface.mesh.triangles.is_empty() {
+            return Ok(Made::Nothing(Some("no surface was made: the depths hold none at this voxel size".into())));
+        }
+        let mesh = self.vote(surface.mesh, &views, progress)?;
+        save_mesh(&mesh_path(self.root, version), &mesh, Coloring::Picture, progress)?;
+        Ok(Made::Surface { voxel: options.voxel })
+    }
+
+    /// The edge asked for; otherwise what a pixel of the depth maps covers.
+    fn voxel(&self, views: &ProjectViews<'_>) -> Result<Option<f64>> {
+        if self.request.voxel.is_some() {
+            return Ok(self.request.voxel);
+        }
+        let frames = &self.project.frames;
+        let usable: Vec<usize> = (0..frames.len())
+            .filter(|&frame| frames[frame].posed_camera().is_some() && frames[frame].depth.is_some())
+            .collect();
+        let Some(footprint) = pixel_footprint(views, &usable)? else { return Ok(None) };
+        let Some(version) = stereo_version(self.project) else { return Ok(Some(footprint)) };
+        let max_side = DepthFolder::new(self.root, version, frames).load_account()?.max_side;
+        let side = usable.iter().map(|&frame| frames[frame].width.max(frames[frame].height)).max().unwrap_or(max_side);
+        Ok(Some(footprint * f64::from(side.max(max_side)) / f64::from(max_side.max(1))))
+    }
+
+    fn vote(&self, mut mesh: LabelledMesh, views: &ProjectViews<'_>, progress: &Progress) -> Result<LabelledMesh> {
+        let min_confidence = self.request.min_confidence.unwrap_or(0.0);
+        let onto = OntoOptions { min_confidence, ..OntoOptions::default() };
+        let voted = vote_seen(&mesh.vertices, &SeenPoints::new(), views, &self.project.labels, &onto, progress)?;
+        mesh.vertices = voted.cloud;
+        if !self.request.drop_unlabelled {
+            return Ok(mesh);
+        }
+        let is_labelled =
+            |at: usize| mesh.triangles[at].iter().all(|&vertex| mesh.vertices.labels[vertex as usize] != LabelId::NONE);
+        Ok(mesh.filter(is_labelled))
+    }
+}
