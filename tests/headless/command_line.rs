@@ -132,9 +132,12 @@ fn the_whole_way_on_the_command_line() {
         &recording.path("depths"),
     ]);
     let shot = recording.path("shot.png");
-    done(&["shot", &project, &shot, "--color", "labels"]);
-    let picture = image::open(&shot).unwrap().to_rgb8();
-    assert!(picture.pixels().any(|pixel| pixel.0[0] > 120 && pixel.0[1] < 60), "the thing is drawn in its colour");
+    for model in ["cloud", "mesh", "voxels"] {
+        done(&["shot", &project, &shot, "--color", "labels", "--model", model]);
+        let picture = image::open(&shot).unwrap().to_rgb8();
+        let of_thing = picture.pixels().filter(|pixel| pixel.0[0] > 90 && pixel.0[1] < 60).count();
+        assert!(of_thing > 500, "{model}: the thing is drawn in its colour, on {of_thing} pixels");
+    }
 
     let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
     let states: Vec<&str> =

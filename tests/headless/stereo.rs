@@ -144,6 +144,28 @@ fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
     assert!(once == twice, "the same depth maps, byte for byte");
 }
 
+#[test]
+fn a_killed_run_goes_on_and_comes_to_the_same() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("strecha_fountain_P11");
+    let (whole, killed) = (project(&set, 4), project(&set, 4));
+    let args = |root: &str| ["reconstruct", root, "--method", "mvs", "--max-side", "320"].map(str::to_owned);
+    assert!(ostra(&args(&whole.root())).status.success());
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ostra"));
+    let mut child = command.args(args(&killed.root())).stderr(std::process::Stdio::null()).spawn().unwrap();
+    while rounds(&killed.root()).len() < 2 {
+        assert!(child.try_wait().unwrap().is_none(), "it was done before it could be killed");
+        std::thread::yield_now();
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(killed.info()["results"]["depths"].is_null(), "depths stand when they are done");
+    assert!(ostra(&args(&killed.root())).status.success());
+    let (once, twice) = (depth_maps(&whole.root()), depth_maps(&killed.root()));
+    assert_eq!(once.len(), 4);
+    assert!(once == twice, "the same depth maps, byte for byte");
+}
+
 /// Whoever looks on sees points as soon as a view is done, and none once the job is.
 #[test]
 fn a_cloud_grows_while_depth_is_made() {

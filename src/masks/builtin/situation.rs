@@ -68,7 +68,7 @@ impl<'a> Situation<'a> {
         let widest = 0.45 * graph.width.min(graph.height) as f32;
         let joined = roles.iter().zip(&apart).filter(|(role, _)| **role == Role::Joined);
         let reach = joined.map(|(_, &apart)| apart).fold(widest, f32::min).max(4.0);
-        let of_thing = trusted(graph, (click, seed), &apart);
+        let of_thing = trusted(&graph.regions, (click, seed), &apart);
         let off_depth = off_depth(graph, of_thing as usize, &apart);
         let has_depth = !graph.regions[of_thing as usize].ln_depth.is_nan();
         let same_thing = has_depth.then(|| same_thing(graph, of_thing, &roles, &off_depth));
@@ -126,15 +126,15 @@ fn step_cost(graph: &RegionGraph, edge: &Edge) -> f32 {
 
 /// The region whose depth tells where the clicked thing is: the clicked one, unless its depth was not measured and something
 /// that was stands before it close by. Who clicks into a hole of the depth means the thing, not what is behind it.
-fn trusted(graph: &RegionGraph, (click, seed): (Click, u32), apart: &[f32]) -> u32 {
+fn trusted(regions: &[RegionStats], (click, seed): (Click, u32), apart: &[f32]) -> u32 {
     const NEAR_PX: f32 = 14.0;
     const BEFORE: f32 = 0.06;
-    let clicked = &graph.regions[seed as usize];
+    let clicked = &regions[seed as usize];
     if !click.include || clicked.measured {
         return seed;
     }
     let before = |at: &usize| {
-        let region = &graph.regions[*at];
+        let region = &regions[*at];
         let stands_before = clicked.ln_depth.is_nan() || region.ln_depth < clicked.ln_depth - BEFORE;
         region.measured && apart[*at] < NEAR_PX && stands_before
     };
@@ -180,4 +180,25 @@ fn same_thing(graph: &RegionGraph, seed: u32, roles: &[Role], off_depth: &[f32])
         }
     }
     reached.iter().zip(roles).map(|(&reached, role)| reached && matches!(role, Role::Open | Role::Seed)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_click_into_a_hole_means_what_stands_before_it() {
+        let region = |ln_depth: f32, measured: bool| RegionStats { ln_depth, measured, ..RegionStats::default() };
+        // A hole filled as wall, the wall itself, two leaves and a guess that lies nearer still.
+        let regions =
+            [region(0.7, false), region(0.7, true), region(0.1, true), region(0.0, true), region(-0.2, false)];
+        let apart = [0.0, 4.0, 9.0, 12.0, 2.0];
+        let at = |include: bool| Click { at_px: glam::DVec2::ZERO, include };
+        assert_eq!(trusted(&regions, (at(true), 0), &apart), 2, "the nearest that was measured before it");
+        assert_eq!(trusted(&regions, (at(false), 0), &apart), 0, "an excluded wall is the wall");
+        assert_eq!(trusted(&regions, (at(true), 1), &apart), 1, "what was measured counts as it is");
+        assert_eq!(trusted(&regions, (at(true), 0), &[0.0, 4.0, 40.0, 40.0, 2.0]), 0, "nothing near stands before it");
+        let unknown = [region(f32::NAN, false), region(0.7, true)];
+        assert_eq!(trusted(&unknown, (at(true), 0), &[0.0, 4.0]), 1);
+    }
 }
