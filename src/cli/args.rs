@@ -243,7 +243,7 @@ pub(super) struct ReconstructArgs {
     /// Match these two frames besides those that are chosen.
     #[arg(long, value_name = "K,K", value_parser = values::frame_pair)]
     pub pair: Vec<[usize; 2]>,
-    /// Registration of fragments.
+    /// How pieces of an RGB-D recording that nothing else ties together are joined.
     #[arg(long, default_value = "auto", value_parser = ["auto", "fgr", "ransac"])]
     pub registration: String,
 }
@@ -288,10 +288,10 @@ pub(super) struct ExportArgs {
     /// Labelled cloud (PLY).
     #[arg(long, value_name = "F")]
     pub cloud: Option<PathBuf>,
-    /// Labelled mesh.
+    /// Labelled mesh (.ply, .obj or .glb).
     #[arg(long, value_name = "F")]
     pub mesh: Option<PathBuf>,
-    /// Labelled voxels.
+    /// Labelled voxels (.ply, .npz or .vox).
     #[arg(long, value_name = "F")]
     pub voxels: Option<PathBuf>,
     /// COLMAP text model.
@@ -321,6 +321,9 @@ pub(super) struct ExportArgs {
     /// Write one file per label too.
     #[arg(long)]
     pub per_label: bool,
+    /// Keep this share of the mesh's triangles; borders of labels stay.
+    #[arg(long, value_name = "SHARE", requires = "mesh", value_parser = values::part)]
+    pub simplify: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -1,4 +1,4 @@
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 
 use super::args::{DemoArgs, MethodName, SceneName};
 use super::drive::ProgressLines;
@@ -12,7 +12,7 @@ pub(super) fn demo(args: &DemoArgs) -> Result<()> {
     let method = match args.method {
         MethodName::Given => DemoMethod::Given,
         MethodName::Mvs => DemoMethod::Stereo,
-        MethodName::Rgbd => bail!("RGB-D registration is not in this version yet; use --method given or mvs"),
+        MethodName::Rgbd => DemoMethod::Rgbd,
     };
     let (width, height) = args.size;
     let scene = match args.scene {

@@ -50,9 +50,6 @@ pub(super) fn label_id(project: &Project, name: &str) -> Result<LabelId> {
 }
 
 pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {
-    if args.registration != "auto" {
-        bail!("--registration belongs to an engine that this version does not have yet; leave it out");
-    }
     let method = match args.method {
         Method::Auto => ReconstructMethod::Auto,
         Method::Sfm => ReconstructMethod::Sfm,
@@ -65,6 +62,7 @@ pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {
         device: args.device,
         features: args.features,
         matcher: args.matcher,
+        registration: args.registration,
         max_side: args.max_side,
         only_labelled: args.only_labelled,
         pairs: args.pair,
@@ -101,6 +99,7 @@ pub(super) fn export(args: ExportArgs) -> Result<()> {
         level: args.level,
         twin: args.twin,
         per_label: args.per_label,
+        simplify: args.simplify,
     };
     if request
         == (ExportRequest {

@@ -63,6 +63,14 @@ pub(super) fn share(text: &str) -> Result<f32, String> {
     }
 }
 
+/// A share above 0, up to 1.
+pub(super) fn part(text: &str) -> Result<f64, String> {
+    match f64::from_str(text) {
+        Ok(value) if value > 0.0 && value <= 1.0 => Ok(value),
+        _ => Err("a share is a number above 0, up to 1".into()),
+    }
+}
+
 /// A whole number from 1.
 pub(super) fn from_one(text: &str) -> Result<usize, String> {
     match text.parse() {

@@ -1,16 +1,18 @@
-//! Cameras, poses, alignment, two views, triangulation, bundle adjustment: same input + seed → same output.
+//! Cameras, poses, alignment, two views, triangulation, bundle adjustment, pose graphs: same input + seed → same output.
 //!
 //! May use: nalgebra, glam, rand; `bundle` rayon's pool, with the same result for any number of threads. Must not touch:
 //! pixels' values, files, threads of its own, clocks, logging.
 
 mod absolute_pose;
 mod align;
+mod blocks;
 pub mod bundle;
 mod camera;
 mod distortion;
 mod epipolar;
 mod error;
 mod pose;
+mod pose_graph;
 pub mod ransac;
 pub mod solvers;
 mod trajectory;
@@ -27,6 +29,7 @@ pub use distortion::Distortion;
 pub use epipolar::{essential_from_pose, fundamental_in_pixels};
 pub use error::GeometryError;
 pub use pose::Pose;
+pub use pose_graph::{PoseEdge, PoseGraphOptions, SolvedPoseGraph, solve_pose_graph};
 pub use trajectory::{ErrorStatistics, TrajectoryError};
 pub use triangulate::{Sighting, Triangulated, TriangulationOptions, largest_angle, triangulate, triangulate_robust};
 pub use turn::Turn;

@@ -6,17 +6,20 @@
 pub mod carry;
 mod cloud;
 mod error;
+pub mod formats;
 pub mod fuse;
 pub mod measure;
 mod mesh;
 pub mod ply;
 pub mod points;
+pub mod rgbd;
 pub mod score;
 pub mod sfm;
 pub mod stereo;
 pub mod synthetic;
 pub mod volume;
 mod voxels;
+mod whole_file;
 
 pub use carry::{CarryOptions, GeometryTracker};
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};

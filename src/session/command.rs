@@ -311,6 +311,9 @@ pub struct ReconstructRequest {
     /// `auto`, `nearest`, `lighterglue` or `superglue`.
     #[serde(default = "auto")]
     pub matcher: String,
+    /// `auto`, `fgr` or `ransac`: how fragments of an RGB-D recording that nothing else ties together are joined.
+    #[serde(default = "auto")]
+    pub registration: String,
     /// Longer sides are worked on at this many pixels; none = as large as the engine takes.
     #[serde(default)]
     pub max_side: Option<u32>,
@@ -330,6 +333,7 @@ impl Default for ReconstructRequest {
             device: auto(),
             features: auto(),
             matcher: auto(),
+            registration: auto(),
             max_side: None,
             only_labelled: false,
             pairs: Vec::new(),
@@ -383,10 +387,10 @@ pub struct ExportRequest {
     /// Labelled PLY.
     #[serde(default)]
     pub cloud: Option<PathBuf>,
-    /// Mesh (PLY, OBJ, GLB).
+    /// Mesh: `.ply`, `.obj` or `.glb`.
     #[serde(default)]
     pub mesh: Option<PathBuf>,
-    /// Voxels.
+    /// Voxels: `.ply`, `.npz` or `.vox`.
     #[serde(default)]
     pub voxels: Option<PathBuf>,
     /// COLMAP text model.
@@ -416,6 +420,9 @@ pub struct ExportRequest {
     /// Write one file per label too.
     #[serde(default)]
     pub per_label: bool,
+    /// Share of the mesh's triangles to keep, above 0, up to 1; all when absent.
+    #[serde(default)]
+    pub simplify: Option<f64>,
 }
 
 /// A list of commands that makes a project: what `ostra run` takes and the window can save.

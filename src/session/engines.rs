@@ -9,6 +9,7 @@ use crate::masks::builtin::BuiltinSegmenter;
 use crate::masks::flow::FlowTracker;
 use crate::masks::{Segmenter, Tracker};
 use crate::scene::GeometryTracker;
+use crate::scene::rgbd::register::GlobalRegistration;
 use crate::scene::sfm::matching::NearestMatcher;
 use crate::scene::sfm::onnx::{LighterGlue, LighterGlueOptions, XFeat, XFeatOptions};
 use crate::scene::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
@@ -156,4 +157,17 @@ fn is_usable(network: &str) -> bool {
         catalogue.entry(network).ok()?.installed(&folder)
     };
     installed().is_some() && Runtime::find().is_ok()
+}
+
+/// How pieces of an RGB-D recording are joined, by name; `None` for `auto`.
+///
+/// # Errors
+/// Where there is no such way.
+pub fn registration(name: &str) -> Result<Option<GlobalRegistration>> {
+    Ok(match name {
+        "auto" => None,
+        "fgr" => Some(GlobalRegistration::Fgr),
+        "ransac" => Some(GlobalRegistration::Ransac),
+        _ => bail!("there is no registration '{name}'; there is: auto, fgr, ransac"),
+    })
 }

@@ -5,6 +5,7 @@ use anyhow::Result;
 
 use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore};
+use crate::masks::builtin::settled;
 use crate::masks::{PreparedFrame, Segmenter};
 
 /// Frames made ready by segmenters, the latest used ones, bounded in bytes. Shared by all threads.
@@ -54,7 +55,12 @@ impl PreparedFrames {
             return Ok(Arc::clone(prepared));
         }
         progress.stage("prepare")?;
-        let (image, depth) = (store.image(frame)?, store.depth(frame)?);
+        let image = store.image(frame)?;
+        let depth = match store.depth(frame)? {
+            // Borders that stereo made lie where its windows do, a few pixels off.
+            Some(made) if !frame.has_sensor_depth() => Some(Arc::new(settled(&made, &image))),
+            depth => depth,
+        };
         let prepared = segmenter.prepare(&image, depth.as_ref(), progress)?;
         *ready = Some(Arc::clone(&prepared));
         drop(ready);

@@ -335,7 +335,6 @@ fn what_comes_later_says_what_it_needs() {
     done(&["label", &project, "thing"]);
     done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
     assert!(refused(&["track", &project, "--tracker", "xmem"]).contains("xmem"));
-    assert!(refused(&["demo", "--method", "rgbd"]).contains("RGB-D registration"));
     assert_eq!(ostra(&["prompt"]).status.code(), Some(2));
     assert_eq!(ostra(&["frobnicate"]).status.code(), Some(1), "a path that is not there cannot be opened");
 }

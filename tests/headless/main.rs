@@ -31,6 +31,8 @@ mod masks;
 #[cfg(test)]
 mod ranges;
 #[cfg(test)]
+mod rgbd;
+#[cfg(test)]
 mod session;
 #[cfg(test)]
 mod sfm;

@@ -156,8 +156,38 @@ fn surface(session: &mut Session, out: &Path) {
     assert!(voxels.len() > 500 && voxels.len() <= cloud.len(), "{} of {}", voxels.len(), cloud.len());
     let centred = |along: f32| (f64::from(along) / voxel - 0.5).rem_euclid(1.0);
     assert!(voxels.positions[7].to_array().iter().all(|&along| centred(along).min(1.0 - centred(along)) < 0.01));
-    let obj = ExportRequest { mesh: path("mesh.obj"), ..ExportRequest::default() };
-    assert!(perform(session, Command::Export(obj)).unwrap_err().to_string().contains("written as PLY"));
+    other_formats(session, out, mesh.triangles.len(), voxels.len());
+}
+
+/// The same mesh, with fewer triangles, and the same voxels in the forms of other programs.
+fn other_formats(session: &mut Session, out: &Path, triangles: usize, voxels: usize) {
+    let path = |name: &str| Some(out.join(name));
+    let export = |mesh: &str, voxels: &str| ExportRequest {
+        mesh: path(mesh),
+        voxels: path(voxels),
+        per_label: true,
+        twin: true,
+        simplify: Some(0.5),
+        ..ExportRequest::default()
+    };
+    perform(session, Command::Export(export("small.glb", "small.vox"))).unwrap();
+    perform(session, Command::Export(export("small.obj", "small.npz"))).unwrap();
+    for name in
+        ["small_labels.glb", "small_bunny.glb", "small_bunny.vox", "small.mtl", "small_labels.npz", "small_bunny.npz"]
+    {
+        assert!(out.join(name).is_file(), "{name}");
+    }
+    assert!(!out.join("small_labels.vox").exists(), "a .vox has the labels' colours already");
+    let obj = std::fs::read_to_string(out.join("small.obj")).unwrap();
+    let faces = obj.lines().filter(|line| line.starts_with("f ")).count();
+    assert!(faces > triangles / 10 && faces < triangles * 6 / 10, "{faces} of {triangles}");
+    assert!(obj.contains("\no bunny\nusemtl bunny\n"));
+    assert!(std::fs::read(out.join("small.glb")).unwrap().starts_with(b"glTF"));
+    assert!(std::fs::metadata(out.join("small.npz")).unwrap().len() > 21 * voxels as u64);
+    for wrong in [export("mesh.stl", "v.ply"), export("mesh.ply", "v.obj")] {
+        let error = perform(session, Command::Export(wrong)).unwrap_err().to_string();
+        assert!(error.contains("a name that ends in .ply, "), "{error}");
+    }
 }
 
 /// The commands of a session, run by another, make an equal project.

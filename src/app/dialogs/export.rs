@@ -4,6 +4,7 @@ use super::picker::{Pick, PickTarget, path_field_ui};
 use crate::app::tips::{modal, section_heading};
 use crate::app::view_state::typed_path;
 use crate::app::{Look, ViewState};
+use crate::scene::formats::{MeshFormat, VoxelFormat};
 use crate::session::{Command, ExportRequest, ResultKind};
 
 /// The export dialog as filled in so far.
@@ -20,6 +21,10 @@ pub struct ExportForm {
     twin: bool,
     per_label: bool,
     level: usize,
+    mesh_format: MeshFormat,
+    voxel_format: VoxelFormat,
+    /// Of the mesh's triangles, percent.
+    kept: u32,
 }
 
 impl Default for ExportForm {
@@ -35,6 +40,9 @@ impl Default for ExportForm {
             twin: false,
             per_label: false,
             level: 0,
+            mesh_format: MeshFormat::default(),
+            voxel_format: VoxelFormat::default(),
+            kept: 100,
         }
     }
 }
@@ -66,19 +74,28 @@ impl ExportForm {
         let path = |wanted: bool, there: bool, name: &str| (wanted && there).then(|| into.join(name));
         let request = ExportRequest {
             cloud: path(self.cloud, has.cloud, "cloud.ply"),
-            mesh: path(self.mesh, has.surface, "mesh.ply"),
-            voxels: path(self.voxels, has.surface, "voxels.ply"),
+            mesh: path(self.mesh, has.surface, &self.mesh_name()),
+            voxels: path(self.voxels, has.surface, &self.voxels_name()),
             masks: path(self.masks, has.masks, "masks"),
             cameras: path(self.cameras, has.cameras, "sparse"),
             depths: path(self.depths, has.depths, "depths"),
             level: (self.level > 0).then_some(self.level),
             twin: self.twin,
             per_label: self.per_label,
+            simplify: (self.mesh && has.surface && self.kept < 100).then(|| f64::from(self.kept) / 100.0),
             ..ExportRequest::default()
         };
         let ExportRequest { cloud, mesh, voxels, masks, cameras, depths, .. } = &request;
         let anything = [cloud, mesh, voxels, masks, cameras, depths].iter().any(|path| path.is_some());
         anything.then_some(request)
+    }
+
+    fn mesh_name(&self) -> String {
+        format!("mesh.{}", self.mesh_format.ending())
+    }
+
+    fn voxels_name(&self) -> String {
+        format!("voxels.{}", self.voxel_format.ending())
     }
 }
 
@@ -113,10 +130,12 @@ pub(in crate::app) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, 
 }
 
 fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
+    let mesh = format!("{}, each triangle in one label", form.mesh_name());
+    let voxels = format!("{}, cubes that hold points", form.voxels_name());
     let rows = [
         (&mut form.cloud, has.cloud, "Labelled cloud", "cloud.ply", "Fuse first"),
-        (&mut form.mesh, has.surface, "Mesh", "mesh.ply, each triangle in one label", "Fuse depths first"),
-        (&mut form.voxels, has.surface, "Voxels", "voxels.ply, a point at the middle of each", "Fuse depths first"),
+        (&mut form.mesh, has.surface, "Mesh", mesh.as_str(), "Fuse depths first"),
+        (&mut form.voxels, has.surface, "Voxels", voxels.as_str(), "Fuse depths first"),
         (&mut form.masks, has.masks, "Masks", "masks/ palette PNGs and labels.json", "There are no masks yet"),
         (&mut form.cameras, has.cameras, "Cameras", "sparse/ COLMAP text model", "There are no cameras yet"),
         (&mut form.depths, has.depths, "Depths", "depths/ 32-bit float TIFFs", "There are no depths yet"),
@@ -137,12 +156,36 @@ fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
     ui.checkbox(&mut form.per_label, "One file per label too")
         .on_hover_text("Writes each label's points into a file of their own");
     ui.horizontal(|ui| {
+        ui.label("Mesh as");
+        format_ui(ui, "Mesh format", &mut form.mesh_format, MeshFormat::ALL, MeshFormat::ending);
+        ui.label("with");
+        let drag = DragValue::new(&mut form.kept).range(1..=100).speed(0.5).suffix(" %");
+        let tip = "Fewer triangles, where that changes the surface least; borders of labels stay";
+        ui.add(drag).on_hover_text(tip).accessible_name("Triangles kept");
+        ui.label("of its triangles");
+    });
+    ui.horizontal(|ui| {
+        ui.label("Voxels as");
+        format_ui(ui, "Voxel format", &mut form.voxel_format, VoxelFormat::ALL, VoxelFormat::ending);
+    });
+    ui.horizontal(|ui| {
         ui.label("Label level");
         let drag = DragValue::new(&mut form.level).range(0..=16).speed(0.05);
         let drag = drag.custom_formatter(|n, _| if n < 1.0 { "deepest".into() } else { format!("{n:.0}") });
         let tip = "Labels deeper than this are read as their ancestor there; 1 = top";
         ui.add(drag).on_hover_text(tip).accessible_name("Label level");
     });
+}
+
+/// The choice of a kind of file, by its ending.
+fn format_ui<T: Copy + PartialEq>(ui: &mut Ui, name: &str, chosen: &mut T, all: [T; 3], ending: fn(T) -> &'static str) {
+    let text = ending(*chosen).to_uppercase();
+    let choice = egui::ComboBox::from_id_salt(name).selected_text(text).width(70.0).show_ui(ui, |ui| {
+        for format in all {
+            ui.selectable_value(chosen, format, ending(format).to_uppercase());
+        }
+    });
+    choice.response.on_hover_text("The kind of file").accessible_name(name);
 }
 
 fn end_ui(ui: &mut Ui, view: &mut ViewState, has: &Available, out: &mut Vec<Command>) {
@@ -177,6 +220,11 @@ mod tests {
         assert_eq!(request.masks, Some("/out/masks".into()));
         assert_eq!((request.cameras, request.depths, request.level), (None, None, None));
         assert_eq!(request.mesh, None, "the cloud has no surface");
+        (form.mesh_format, form.kept) = (MeshFormat::Glb, 25);
+        assert_eq!(form.request(&has).unwrap().simplify, None, "there is no mesh to simplify");
+        let request = form.request(&Available { surface: true, ..has }).unwrap();
+        assert_eq!((request.mesh, request.simplify), (Some("/out/mesh.glb".into()), Some(0.25)));
+        let has = Available { cloud: true, surface: false, masks: true, cameras: true, depths: false };
         form.into.clear();
         assert!(form.request(&has).is_none());
     }

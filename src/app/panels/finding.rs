@@ -18,6 +18,9 @@ pub(super) fn finding_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         field(ui, "Matching", "How it is recognised again", |ui| {
             engine_choice_ui(ui, "matcher", look.engines_of(EngineKind::Matcher), &mut request.matcher);
         });
+        field(ui, "Pieces", "How pieces of an RGB-D recording that nothing else ties together are joined", |ui| {
+            registration_ui(ui, &mut request.registration);
+        });
         let tip = "Larger pictures are worked on at this size; automatic = 3200 px for cameras, 1600 px for depths";
         field(ui, "Longest side", tip, |ui| side_ui(ui, &mut request.max_side));
         let tip = "Frames that show the same and are compared in any case, for example 0,12 3,40";
@@ -31,6 +34,20 @@ pub(super) fn finding_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     }
     ui.checkbox(&mut view.reconstruct.only_labelled, "Only labelled pixels")
         .on_hover_text("Leaves out what has no label: a background that moves, behind a turntable");
+}
+
+fn registration_ui(ui: &mut Ui, chosen: &mut String) {
+    const WAYS: [(&str, &str, &str); 3] = [
+        ("auto", "Automatic", "One way after the other"),
+        ("fgr", "FGR", "Fast Global Registration: one robust fit to all matches"),
+        ("ransac", "RANSAC", "The best of many fits to a few matches"),
+    ];
+    let text = WAYS.iter().find(|row| row.0 == *chosen).map_or(chosen.as_str(), |row| row.1).to_owned();
+    egui::ComboBox::from_id_salt("registration").selected_text(text).width(150.0).show_ui(ui, |ui| {
+        for (value, text, tip) in WAYS {
+            ui.selectable_value(chosen, value.to_owned(), text).on_hover_text(tip);
+        }
+    });
 }
 
 fn side_ui(ui: &mut Ui, max_side: &mut Option<u32>) {

@@ -9,7 +9,7 @@ const DOUBTFUL_PX: f64 = 1.0;
 
 /// One row per frame: what it sees and how exactly, or why it has no camera. A click goes to the frame.
 pub(super) fn outcomes_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, sparse: &SparseModel) {
-    let placed = sparse.outcomes.values().filter(|outcome| matches!(outcome, Outcome::Placed { .. })).count();
+    let placed = sparse.outcomes.values().filter(|outcome| outcome.is_placed()).count();
     ui.label(format!("{placed} of {} frames have a camera", sparse.outcomes.len()));
     ui.separator();
     let rows: Vec<(usize, &Outcome)> = sparse.outcomes.iter().map(|(&frame, outcome)| (frame, outcome)).collect();
@@ -39,6 +39,9 @@ fn summary(ui: &Ui, outcome: &Outcome) -> (String, Color32) {
         Outcome::Placed { points, error_px } => {
             let color = if *error_px > DOUBTFUL_PX { visuals.warn_fg_color } else { visuals.weak_text_color() };
             (format!("{points} points  {error_px:.2} px"), color)
+        }
+        Outcome::Registered { neighbours, consistent } => {
+            (format!("{neighbours} frames  {:.0} %", 100.0 * consistent), visuals.weak_text_color())
         }
         _ => ("no camera".into(), visuals.error_fg_color),
     }

@@ -1,13 +1,13 @@
 use std::ops::ControlFlow;
 
 use super::arrange::{Layout, arrange};
-use super::kernel::Column;
 use super::normal::Normal;
 use super::options::{BundleOptions, BundleSummary};
 use super::piece::Piece;
 use super::problem::Bundle;
 use super::state::State;
 use super::trial::{Outcome, Trial, cost};
+use crate::geometry::blocks::Column;
 
 /// How far a step may go: damping of the normal equations and how it changes (the rule of K. Madsen, H. Nielsen,
 /// O. Tingleff, *Methods for Non-Linear Least Squares Problems*, 2004).

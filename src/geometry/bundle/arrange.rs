@@ -1,10 +1,10 @@
 use std::ops::Range;
 
-use super::kernel::BLOCK;
 use super::options::BundleOptions;
 use super::piece::{Piece, Sighting};
 use super::problem::Bundle;
 use super::state::State;
+use crate::geometry::blocks::BLOCK;
 
 /// Observations after which a piece is full.
 const PIECE: usize = 512;

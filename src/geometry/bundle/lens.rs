@@ -1,7 +1,7 @@
 use glam::{DMat2, DVec2, DVec3};
 
-use super::kernel::BLOCK;
 use super::options::Refine;
+use crate::geometry::blocks::BLOCK;
 use crate::geometry::{Camera, Distortion};
 
 /// Room for one camera's intrinsics (a common focal factor, the principal point, at most eight coefficients): two

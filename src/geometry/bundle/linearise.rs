@@ -3,10 +3,10 @@ use pulp::{Simd, WithSimd};
 
 use super::arrange::Layout;
 use super::groups::Factors;
-use super::kernel::Column;
 use super::piece::Piece;
 use super::point::{PointFactor, PointTerms};
 use super::state::State;
+use crate::geometry::blocks::Column;
 
 /// The derivatives of one piece's observations, ready to be added to the reduced matrix; kept to be filled again.
 #[derive(Debug, Clone, Default)]

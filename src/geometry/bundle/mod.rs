@@ -7,9 +7,7 @@
 
 mod adjust;
 mod arrange;
-mod conjugate;
 mod groups;
-mod kernel;
 mod lens;
 mod linearise;
 mod normal;
@@ -17,7 +15,6 @@ mod options;
 mod piece;
 mod point;
 mod problem;
-mod skyline;
 mod state;
 mod trial;
 

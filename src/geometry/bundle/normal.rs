@@ -2,19 +2,14 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::arrange::Layout;
-use super::conjugate;
 use super::groups::{Factors, Groups};
-use super::kernel::{BLOCK, Column, subtract_products};
 use super::linearise::{Derivatives, Linearise};
 use super::piece::Piece;
-use super::skyline::{Row, Skyline};
 use super::state::State;
+use crate::geometry::blocks::{BLOCK, Column, Row, Skyline, solve, subtract_products};
 
 /// Pieces whose derivatives are held at once.
 const WAVE: usize = 8;
-/// Multiplications up to which the equations are factored (about 400 images that all see the same); beyond, they are
-/// solved by conjugate gradients.
-const DIRECT_WORK: f64 = 2.5e9;
 /// An unknown whose own curvature is below this share of its block's largest is damped as if it had this share.
 const LEAST_CURVATURE: f64 = 1e-12;
 
@@ -64,15 +59,7 @@ impl Normal {
 
     /// The step of all poses and intrinsics; `None` where the equations cannot be solved. The matrix is lost.
     pub fn solve(&mut self) -> Option<Vec<Column>> {
-        if self.matrix.work() > DIRECT_WORK {
-            return conjugate::solve(&self.matrix, &self.right);
-        }
-        if !self.matrix.factor() {
-            return None;
-        }
-        let mut step = self.right.clone();
-        self.matrix.solve(&mut step);
-        step.iter().flatten().all(|v| v.is_finite()).then_some(step)
+        solve(&mut self.matrix, &self.right)
     }
 
     /// Adds to the diagonal; an unknown that nothing depends on is made to stay.

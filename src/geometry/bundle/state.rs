@@ -1,11 +1,11 @@
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::arrange::Layout;
-use super::kernel::{BLOCK, Column};
 use super::lens::{INTRINSICS, Lens, Seen};
 use super::options::{BundleOptions, Loss, Refine};
 use super::piece::Sighting;
 use super::problem::Bundle;
+use crate::geometry::blocks::{BLOCK, Column};
 use crate::geometry::{Camera, Pose};
 
 /// Cameras and poses as they are at one moment of the adjustment; the points live in the pieces.

@@ -3,10 +3,10 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::arrange::Layout;
-use super::kernel::{Column, dot};
 use super::piece::Piece;
 use super::point::PointTerms;
 use super::state::{Observed, State};
+use crate::geometry::blocks::{Column, dot};
 
 /// A step of all poses and intrinsics, to be tried.
 pub(super) struct Trial<'a> {

@@ -1,10 +1,10 @@
-//! Holes of a depth map, filled by what the picture tells.
+//! Depth maps mended by what the picture tells: holes filled, borders moved.
 
 use rayon::prelude::*;
 
 use super::depth_edges::known;
-use crate::frames::DepthMap;
-use crate::masks::lab::squared_difference;
+use crate::frames::{DepthMap, Image};
+use crate::masks::lab::{lab_of, squared_difference};
 
 /// Pixels to each side that are asked.
 const REACH: usize = 8;
@@ -18,6 +18,15 @@ const LEAST: f32 = 12.0;
 const SAME: f32 = 0.03;
 /// Surfaces told apart around a pixel.
 const SURFACES: usize = 6;
+
+/// What a pixel's own depth counts where borders are settled; a neighbour of the same colour counts up to 1.
+const OWN: f32 = 5.0;
+/// Pixels to each side of a jump that are settled.
+const BESIDE: usize = 3;
+/// A difference of depth that is a jump, as a share.
+const JUMP: f32 = 0.04;
+/// How often borders are settled.
+const SETTLING: usize = 2;
 
 /// Depths around one pixel by surface: sums of weights and of weighted ln depths.
 #[derive(Default)]
@@ -51,30 +60,63 @@ impl Ballot {
 /// J. Kopf et al., *Joint Bilateral Upsampling*, SIGGRAPH 2007, with a vote for the mean: no depth between two surfaces comes
 /// up). Depths farther than [`REACH`] from any known one stay unknown.
 pub(super) fn completed(depth: &DepthMap, lab: &[[f32; 3]]) -> DepthMap {
-    let (width, height) = (depth.width as usize, depth.height as usize);
     let vote = |at: usize| {
-        if known(depth.depths[at]) {
-            return depth.depths[at];
-        }
-        let (x, y) = (at % width, at / width);
-        let mut ballot = Ballot::default();
-        for row in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
-            for column in x.saturating_sub(REACH)..(x + REACH + 1).min(width) {
-                let from = row * width + column;
-                if !known(depth.depths[from]) {
-                    continue;
-                }
-                let apart = (row.abs_diff(y).pow(2) + column.abs_diff(x).pow(2)) as f32;
-                let color = squared_difference(lab[at], lab[from]);
-                let unlike = apart / (2.0 * SPREAD_PX * SPREAD_PX) + color / (2.0 * SPREAD_DELTA_E * SPREAD_DELTA_E);
-                if unlike < LEAST {
-                    ballot.add(depth.depths[from].ln(), (-unlike).exp());
-                }
-            }
-        }
-        ballot.winner()
+        let own = depth.depths[at];
+        if known(own) { own } else { with_neighbours(Ballot::default(), depth, lab, at).winner() }
     };
-    DepthMap { depths: (0..width * height).into_par_iter().map(vote).collect(), ..*depth }
+    DepthMap { depths: (0..depth.depths.len()).into_par_iter().map(vote).collect(), ..*depth }
+}
+
+/// The depth map with its borders moved to where colours change: near a jump each pixel takes the surface of the
+/// like-coloured pixels around it, unless its own depth outweighs them. For depths that stereo made, whose borders lie a few
+/// pixels off; a sensor's are better left as they are. `image` has the map's size.
+#[must_use]
+pub fn settled(depth: &DepthMap, image: &Image) -> DepthMap {
+    let lab = lab_of(image);
+    let mut settled = depth.clone();
+    for _ in 0..SETTLING {
+        let before = settled;
+        let vote = |at: usize| {
+            let own = before.depths[at];
+            if !known(own) || !is_beside_jump(&before, at) {
+                return own;
+            }
+            let mut ballot = Ballot::default();
+            ballot.add(own.ln(), OWN);
+            with_neighbours(ballot, &before, &lab, at).winner()
+        };
+        settled = DepthMap { depths: (0..before.depths.len()).into_par_iter().map(vote).collect(), ..before };
+    }
+    settled
+}
+
+/// Whether another surface begins within a few pixels.
+fn is_beside_jump(depth: &DepthMap, at: usize) -> bool {
+    let own = depth.depths[at];
+    around(depth, at, BESIDE).any(|from| known(depth.depths[from]) && (depth.depths[from] / own - 1.0).abs() > JUMP)
+}
+
+/// Adds the votes of the other pixels around one, the nearer and the more alike the more.
+fn with_neighbours(mut ballot: Ballot, depth: &DepthMap, lab: &[[f32; 3]], at: usize) -> Ballot {
+    let width = depth.width as usize;
+    for from in around(depth, at, REACH).filter(|&from| from != at && known(depth.depths[from])) {
+        let apart = ((from / width).abs_diff(at / width).pow(2) + (from % width).abs_diff(at % width).pow(2)) as f32;
+        let color = squared_difference(lab[at], lab[from]);
+        let unlike = apart / (2.0 * SPREAD_PX * SPREAD_PX) + color / (2.0 * SPREAD_DELTA_E * SPREAD_DELTA_E);
+        if unlike < LEAST {
+            ballot.add(depth.depths[from].ln(), (-unlike).exp());
+        }
+    }
+    ballot
+}
+
+/// The pixels of the square around one, row by row.
+fn around(depth: &DepthMap, at: usize, reach: usize) -> impl Iterator<Item = usize> + use<> {
+    let (width, height) = (depth.width as usize, depth.height as usize);
+    let (x, y) = (at % width, at / width);
+    let columns = x.saturating_sub(reach)..(x + reach + 1).min(width);
+    (y.saturating_sub(reach)..(y + reach + 1).min(height))
+        .flat_map(move |row| columns.clone().map(move |column| row * width + column))
 }
 
 #[cfg(test)]
@@ -115,5 +157,25 @@ mod tests {
         let completed = completed(&depth, &lab);
         assert_eq!(completed.depths[15 * 40 + 30], 0.0);
         assert!((completed.depths[3 * 40 + 3] - 1.5).abs() < 1e-5);
+    }
+
+    #[test]
+    fn borders_move_to_where_colours_change() {
+        let (lab, truth) = stripe();
+        let image = Image {
+            width: 40,
+            height: 30,
+            pixels: lab.iter().map(|lab| if *lab == GREEN { [20, 160, 40] } else { [145, 145, 145] }).collect(),
+        };
+        // The stripe's depth lies a pixel to the right of it.
+        let mut shifted = truth.clone();
+        for row in shifted.depths.chunks_mut(40) {
+            row.rotate_right(1);
+        }
+        let wrong =
+            |depth: &DepthMap| depth.depths.iter().zip(&truth.depths).filter(|(a, b)| (*a - *b).abs() > 0.02).count();
+        assert_eq!(wrong(&shifted), 60);
+        assert!(wrong(&settled(&shifted, &image)) < 6, "{}", wrong(&settled(&shifted, &image)));
+        assert!(settled(&truth, &image).depths.iter().zip(&truth.depths).all(|(a, b)| (a - b).abs() < 0.02));
     }
 }

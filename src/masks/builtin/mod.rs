@@ -30,4 +30,5 @@ mod tests;
 mod traits;
 
 pub use apart::standing_apart;
+pub use complete::settled;
 pub use segmenter::BuiltinSegmenter;

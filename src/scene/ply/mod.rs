@@ -16,6 +16,8 @@ mod tests;
 mod vertex;
 mod write;
 
+pub(super) use names::comments_of;
 pub use read::{PlyCloud, read_mesh, read_ply};
 pub use split::{LabelPart, label_paths, save_per_label, split_by_label, twin_path};
+pub(super) use split::{file_part, label_name};
 pub use write::{Coloring, save_mesh, save_ply, write_ply};

@@ -1,7 +1,7 @@
 use crate::masks::{Label, LabelId, LabelTree};
 
 /// The comment lines that keep a label tree in a PLY header: `label ID PARENT NAME`, then `color ID RRGGBB`.
-pub(super) fn comments_of(tree: &LabelTree) -> Vec<String> {
+pub(in crate::scene) fn comments_of(tree: &LabelTree) -> Vec<String> {
     let names = tree.iter().map(|label| {
         let parent = label.parent.map_or(0, |id| id.0);
         format!("label {} {parent} {}", label.id.0, label.name)

@@ -1,8 +1,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use super::write::{Coloring, save_ply};
-use crate::engine::job::Progress;
 use crate::masks::{LabelId, LabelTree};
 use crate::scene::{LabelledCloud, SceneError};
 
@@ -32,19 +30,23 @@ pub fn split_by_label(cloud: &LabelledCloud) -> Vec<LabelPart> {
     indices.into_iter().map(part).collect()
 }
 
-/// Writes one PLY for each label that has points beside `path`: `STEM_NAME.ply`. Returns the files written.
+/// Writes one file for each label that has points beside `path` ([`label_paths`]) by `save`. Returns the files written.
 ///
 /// # Errors
-/// As [`save_ply`]; the files before the fault are whole and stay.
-pub fn save_per_label(path: &Path, cloud: &LabelledCloud, progress: &Progress) -> Result<Vec<PathBuf>, SceneError> {
+/// Those of `save`; the files before the fault stay.
+pub fn save_per_label(
+    path: &Path,
+    cloud: &LabelledCloud,
+    save: impl Fn(&Path, &LabelledCloud) -> Result<(), SceneError>,
+) -> Result<Vec<PathBuf>, SceneError> {
     let files = label_paths(path, cloud);
     for part in split_by_label(cloud) {
-        save_ply(&files[&part.id], &part.cloud, Coloring::Picture, progress)?;
+        save(&files[&part.id], &part.cloud)?;
     }
     Ok(files.into_values().collect())
 }
 
-/// Where the parts of a cloud or mesh go that is written to `path`, for each label that has points: `STEM_NAME.ply`.
+/// Where the parts of a cloud or mesh go that is written to `path`, for each label that has points: `STEM_NAME.ENDING`.
 #[must_use]
 pub fn label_paths(path: &Path, cloud: &LabelledCloud) -> BTreeMap<LabelId, PathBuf> {
     let ids: BTreeSet<LabelId> = cloud.labels.iter().copied().collect();
@@ -60,7 +62,7 @@ pub fn label_paths(path: &Path, cloud: &LabelledCloud) -> BTreeMap<LabelId, Path
     paths
 }
 
-/// Where the twin of a cloud in label colours goes: `STEM_labels.ply` beside it.
+/// Where the twin of a cloud in label colours goes: `STEM_labels.ENDING` beside it.
 #[must_use]
 pub fn twin_path(path: &Path) -> PathBuf {
     beside(path, "labels")
@@ -68,10 +70,12 @@ pub fn twin_path(path: &Path) -> PathBuf {
 
 fn beside(path: &Path, suffix: &str) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!("{stem}_{suffix}.ply"))
+    let ending = path.extension().map_or("ply".into(), std::ffi::OsStr::to_string_lossy);
+    path.with_file_name(format!("{stem}_{suffix}.{ending}"))
 }
 
-fn label_name(tree: &LabelTree, id: LabelId) -> String {
+/// A label's name; `unlabelled` for id 0, the number of one that the tree lacks.
+pub(in crate::scene) fn label_name(tree: &LabelTree, id: LabelId) -> String {
     match tree.get(id) {
         Some(label) => label.name.clone(),
         None if id == LabelId::NONE => "unlabelled".into(),
@@ -80,6 +84,6 @@ fn label_name(tree: &LabelTree, id: LabelId) -> String {
 }
 
 /// A label's name with everything that a file name cannot hold on some system replaced.
-fn file_part(name: &str) -> String {
+pub(in crate::scene) fn file_part(name: &str) -> String {
     name.chars().map(|c| if c.is_alphanumeric() || matches!(c, '-' | '_') { c } else { '_' }).collect()
 }

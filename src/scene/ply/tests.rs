@@ -1,3 +1,5 @@
+use std::path::Path;
+
 use glam::Vec3;
 use proptest::prelude::*;
 
@@ -176,7 +178,8 @@ fn parts_and_twin_on_disk() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cloud.ply");
     let progress = Progress::default();
-    let files = save_per_label(&path, &sample(), &progress).unwrap();
+    let save = |path: &Path, part: &LabelledCloud| save_ply(path, part, Coloring::Picture, &progress);
+    let files = save_per_label(&path, &sample(), save).unwrap();
     let names: Vec<_> = files.iter().map(|f| f.file_name().unwrap().to_string_lossy().into_owned()).collect();
     assert_eq!(names, ["cloud_unlabelled.ply", "cloud_feuille_été.ply"]);
     let part = read_ply(&files[1], &progress).unwrap().cloud;

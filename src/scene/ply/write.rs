@@ -1,6 +1,6 @@
-use std::fs::File;
+use std::borrow::Cow;
 use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::Vec3;
 use ply_rs::ply::{
@@ -10,6 +10,7 @@ use ply_rs::writer::Writer;
 
 use super::names::comments_of;
 use crate::engine::job::Progress;
+use crate::scene::whole_file::{unplaced, write_whole};
 use crate::scene::{LabelledCloud, LabelledMesh, SceneError};
 
 /// Points between two looks at the stop sign.
@@ -23,6 +24,17 @@ pub enum Coloring {
     Picture,
     /// Those of the labels: the mask twin.
     Labels,
+}
+
+impl Coloring {
+    /// The colours that the points get, sRGB.
+    #[must_use]
+    pub fn of(self, cloud: &LabelledCloud) -> Cow<'_, [[u8; 3]]> {
+        match self {
+            Self::Picture => Cow::Borrowed(&cloud.colors),
+            Self::Labels => Cow::Owned(cloud.label_colors()),
+        }
+    }
 }
 
 /// Writes a cloud to `path`: first under a temporary name beside it, then renamed, so that a stop or a full disk leaves
@@ -51,28 +63,7 @@ struct Content<'a> {
 }
 
 fn save(path: &Path, content: &Content<'_>, progress: &Progress) -> Result<(), SceneError> {
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(format!(".{}.tmp", std::process::id()));
-    let temporary = path.with_file_name(name);
-    let written = write_file(&temporary, content, progress)
-        .and_then(|()| std::fs::rename(&temporary, path).map_err(|source| io(path, source)));
-    if written.is_err() {
-        let _ = std::fs::remove_file(&temporary);
-    }
-    written
-}
-
-fn write_file(path: &Path, content: &Content<'_>, progress: &Progress) -> Result<(), SceneError> {
-    let mut out = File::create(path).map_err(|source| io(path, source))?;
-    write(&mut out, content, progress).map_err(|error| match error {
-        SceneError::Io { source, .. } => io(path, source),
-        other => other,
-    })?;
-    out.sync_all().map_err(|source| io(path, source))
-}
-
-fn io(path: &Path, source: std::io::Error) -> SceneError {
-    SceneError::Io { path: path.to_path_buf(), source }
+    write_whole(path, |out| write(out, content, progress))
 }
 
 /// Writes a cloud in our form; the writer needs no buffer of its own.
@@ -91,15 +82,11 @@ pub fn write_ply<W: Write>(
 fn write<W: Write>(out: W, content: &Content<'_>, progress: &Progress) -> Result<(), SceneError> {
     let Content { cloud, triangles, coloring } = *content;
     check_lengths(cloud)?;
-    let fail = |source| SceneError::Io { path: PathBuf::new(), source };
     let mut out = BufWriter::with_capacity(1 << 18, out);
     let header = header(cloud, triangles);
     let writer = Writer::<Point>::new();
-    writer.write_header(&mut out, &header).map_err(fail)?;
-    let colors = match coloring {
-        Coloring::Picture => std::borrow::Cow::Borrowed(&cloud.colors),
-        Coloring::Labels => std::borrow::Cow::Owned(cloud.label_colors()),
-    };
+    writer.write_header(&mut out, &header).map_err(unplaced)?;
+    let colors = coloring.of(cloud);
     let Some(definition) = header.elements.get("vertex") else { return Ok(()) };
     for index in 0..cloud.len() {
         if index % STRIDE == 0 {
@@ -112,13 +99,13 @@ fn write<W: Write>(out: W, content: &Content<'_>, progress: &Progress) -> Result
             label: cloud.labels[index].0,
             confidence: cloud.confidence[index],
         };
-        writer.write_little_endian_element(&mut out, &point, definition).map_err(fail)?;
+        writer.write_little_endian_element(&mut out, &point, definition).map_err(unplaced)?;
     }
     for triangle in triangles.unwrap_or_default() {
-        out.write_all(&[3]).map_err(fail)?;
-        out.write_all(bytemuck::cast_slice(&triangle.map(u32::to_le_bytes))).map_err(fail)?;
+        out.write_all(&[3]).map_err(unplaced)?;
+        out.write_all(bytemuck::cast_slice(&triangle.map(u32::to_le_bytes))).map_err(unplaced)?;
     }
-    out.flush().map_err(fail)
+    out.flush().map_err(unplaced)
 }
 
 fn check_lengths(cloud: &LabelledCloud) -> Result<(), SceneError> {

@@ -14,6 +14,30 @@ pub enum Outcome {
         /// Median reprojection error of these in pixels.
         error_px: f64,
     },
+    /// It has a camera by its depth.
+    Registered {
+        /// Frames whose depth and picture agree with its own.
+        neighbours: usize,
+        /// Median share of what it and one of these see that agrees, 0–1.
+        consistent: f64,
+    },
+    /// Its camera's intrinsics are not known, without which depth is no shape.
+    NoIntrinsics,
+    /// Too little depth to register it by.
+    NoDepth {
+        /// Share of its pixels whose depth is known, 0–1.
+        known: f64,
+    },
+    /// Its depth and picture agree with those of no other frame.
+    Unlike {
+        /// The frame that agrees most, and the share of what both see that agrees.
+        nearest: Option<(usize, f64)>,
+    },
+    /// It belongs to frames that nothing joins with those kept.
+    Apart {
+        /// How many these are.
+        frames: usize,
+    },
     /// Its picture cannot be read.
     Unreadable {
         /// What was said.
@@ -60,11 +84,33 @@ pub enum Outcome {
 pub(super) const FEW_FEATURES: usize = 50;
 
 impl Outcome {
+    /// Whether the frame has a camera.
+    #[must_use]
+    pub fn is_placed(&self) -> bool {
+        matches!(self, Self::Placed { .. } | Self::Registered { .. })
+    }
+
     /// What became of it, in words; `name` tells the name of another frame.
     #[must_use]
     pub fn text<'a>(&self, name: impl Fn(usize) -> &'a str) -> String {
         match self {
             Self::Placed { points, error_px } => format!("sees {points} points, median error {error_px:.2} px"),
+            Self::Registered { neighbours, consistent } => {
+                format!("agrees with {neighbours} frames, in {:.1} % of what both see", 100.0 * consistent)
+            }
+            Self::NoIntrinsics => "its camera is not known; give --intrinsics or --cameras".into(),
+            Self::NoDepth { known } => {
+                format!("depth is known for {:.1} % of its pixels, too few to register it by", 100.0 * known)
+            }
+            Self::Unlike { nearest: None } => "its depth and picture agree with no other frame's".into(),
+            Self::Unlike { nearest: Some((frame, consistent)) } => format!(
+                "its depth and picture agree with no other frame's; most with {}, in {:.0} % of what both see",
+                name(*frame),
+                100.0 * consistent
+            ),
+            Self::Apart { frames } => format!(
+                "belongs to {frames} frames that nothing joins with those kept; take a recording that shows both places"
+            ),
             Self::Unreadable { why } => why.clone(),
             Self::FewFeatures { found } => format!(
                 "only {found} features; the picture is blurred, dark, without texture or masked: leave it out or take \

@@ -58,7 +58,7 @@ pub fn of_picture(
         Ok(image) => image,
         Err(error) => return Ok(none(frame, error.to_string())),
     };
-    let features = extractor.extract(&grey(&image), image.width as usize, image.height as usize, allowed)?;
+    let features = extractor.extract(&image.luma(), image.width as usize, image.height as usize, allowed)?;
     Ok(coloured(features, &image))
 }
 
@@ -75,7 +75,7 @@ pub fn tilted_picture(
     progress: &Progress,
 ) -> Result<Vec<PictureFeatures>, SfmError> {
     let Ok(image) = store.image(frame) else { return Ok(Vec::new()) };
-    let (grey, size) = (grey(&image), [image.width as usize, image.height as usize]);
+    let (grey, size) = (image.luma(), [image.width as usize, image.height as usize]);
     let under = |tilt: Tilt| {
         progress.check()?;
         Ok(coloured(tilted_features(extractor, &grey, size, allowed, tilt)?, &image))
@@ -98,12 +98,6 @@ fn none(frame: &Frame, why: String) -> PictureFeatures {
         descriptors: Descriptors::Bytes { dim: 1, values: Vec::new() },
     };
     PictureFeatures { features, colors: Vec::new(), unreadable: Some(why) }
-}
-
-/// Luma as in ITU-R BT.601, 0–1.
-fn grey(image: &Image) -> Vec<f32> {
-    let luma = |&[r, g, b]: &[u8; 3]| (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0;
-    image.pixels.iter().map(luma).collect()
 }
 
 fn color_at(image: &Image, at_px: DVec2) -> [u8; 3] {

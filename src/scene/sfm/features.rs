@@ -80,6 +80,28 @@ pub struct Features {
     pub descriptors: Descriptors,
 }
 
+impl Features {
+    /// Some of the features, by index, in the order given.
+    #[must_use]
+    pub fn select(&self, keep: &[u32]) -> Self {
+        fn some<T: Copy>(values: &[T], dim: usize, keep: &[u32]) -> Vec<T> {
+            let row = |&at: &u32| values.chunks_exact(dim.max(1)).nth(at as usize).unwrap_or_default();
+            keep.iter().flat_map(row).copied().collect()
+        }
+        let dim = self.descriptors.dim();
+        Self {
+            keypoints: some(&self.keypoints, 1, keep),
+            scales_px: some(&self.scales_px, 1, keep),
+            scores: some(&self.scores, 1, keep),
+            descriptors: match &self.descriptors {
+                Descriptors::Bytes { values, .. } => Descriptors::Bytes { dim, values: some(values, dim, keep) },
+                Descriptors::Floats { values, .. } => Descriptors::Floats { dim, values: some(values, dim, keep) },
+            },
+            ..*self
+        }
+    }
+}
+
 /// Finds keypoints that show again in other pictures of the same scene.
 pub trait FeatureExtractor: Send + Sync {
     /// Short name for menus and reports.
@@ -131,4 +153,26 @@ pub enum FeatureError {
     /// Two pictures have descriptors of different kinds or sizes.
     #[error("{0}; extract the features of all pictures with the same extractor")]
     Kinds(String),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn some_features_keep_their_rows() {
+        let features = Features {
+            width: 9,
+            height: 7,
+            keypoints: vec![DVec2::new(1.0, 2.0), DVec2::new(3.0, 4.0), DVec2::new(5.0, 6.0)],
+            scales_px: vec![1.0, 2.0, 3.0],
+            scores: Vec::new(),
+            descriptors: Descriptors::Bytes { dim: 2, values: vec![10, 11, 20, 21, 30, 31] },
+        };
+        let some = features.select(&[2, 0]);
+        assert_eq!((some.width, some.height, &some.scales_px[..]), (9, 7, &[3.0, 1.0][..]));
+        assert_eq!(some.keypoints, [features.keypoints[2], features.keypoints[0]]);
+        assert!(some.scores.is_empty());
+        assert_eq!(some.descriptors.as_bytes(), Some(&[30, 31, 10, 11][..]));
+    }
 }

@@ -42,5 +42,5 @@ pub use result::SfmResult;
 pub use scale::{MetricScale, metric_scale};
 pub use sift::SiftOptions;
 pub use sift_extractor::Sift;
-pub use undistort::{undistort_image, undistort_mask, undistorted_camera};
+pub use undistort::{for_each_source, undistort_image, undistort_mask, undistorted_camera};
 pub use verify::{TriedPair, match_pairs};

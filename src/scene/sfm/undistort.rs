@@ -59,8 +59,8 @@ pub fn undistort_mask(mask: &LabelMask, from: &Camera, to: &Camera) -> LabelMask
     LabelMask { width: to.width, height: to.height, ids }
 }
 
-/// Sets every pixel of `to` by its position in `from`, where it has one.
-fn for_each_source<T: Send>(pixels: &mut [T], from: &Camera, to: &Camera, value: impl Fn(DVec2) -> T + Sync) {
+/// Sets every pixel of `to` by its position in `from`, in pixels, where it has one. The cameras stand at the same place.
+pub fn for_each_source<T: Send>(pixels: &mut [T], from: &Camera, to: &Camera, value: impl Fn(DVec2) -> T + Sync) {
     let source = |column: usize, row: usize| {
         let at_px = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
         from.project(to.unproject(at_px).extend(1.0))

@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -6,13 +7,14 @@ use anyhow::{Result, ensure};
 
 use super::reconstruct::{given, is_posed};
 use crate::engine::job::{Progress, Stopped};
-use crate::frames::cameras::{ModelEncoding, write_colmap_model};
+use crate::frames::cameras::{ModelEncoding, SparsePoints, write_colmap_model};
 use crate::frames::{Frame, FrameCamera, FrameStore};
 use crate::masks::LabelId;
+use crate::scene::rgbd::{RgbdOptions, RgbdRequest, RgbdResult, register_rgbd};
 use crate::scene::sfm::{
     FeatureExtractor, FeatureMatcher, MapperOptions, Outcome, PairOptions, SfmRequest, SfmResult, structure_from_motion,
 };
-use crate::session::engines::{extractor, matcher};
+use crate::session::engines::{extractor, matcher, registration};
 use crate::session::store::{save_outcomes, sparse_path, sync_folder};
 use crate::session::{Edit, Event, Project, ReconstructRequest, ResultKind, ResultRecord, Session};
 
@@ -28,13 +30,22 @@ pub(super) enum Poses {
 /// Warnings about frames left out that are told one by one.
 const TOLD: usize = 20;
 
+/// What finds cameras.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Finder {
+    /// Structure from motion.
+    Sfm(Poses),
+    /// Registration by depth and pictures; all poses are found anew.
+    Rgbd,
+}
+
 /// What finding cameras works on.
 pub(super) struct CameraWork {
     pub project: Arc<Project>,
     pub root: PathBuf,
     pub store: Arc<FrameStore>,
     pub request: ReconstructRequest,
-    pub poses: Poses,
+    pub finder: Finder,
     pub version: u64,
     extractor: Box<dyn FeatureExtractor>,
     matcher: Box<dyn FeatureMatcher>,
@@ -50,6 +61,38 @@ pub(super) struct FoundCameras {
     pub stopped: bool,
 }
 
+/// Cameras, whatever found them.
+struct Cameras {
+    engine: &'static str,
+    /// What was done and what came of it, in words.
+    settings: String,
+    /// By frame number.
+    cameras: BTreeMap<usize, FrameCamera>,
+    sparse: SparsePoints,
+    outcomes: BTreeMap<usize, Outcome>,
+    stopped: bool,
+}
+
+impl From<SfmResult> for Cameras {
+    fn from(result: SfmResult) -> Self {
+        let (engine, settings) = ("sfm", settings(&result));
+        let SfmResult { cameras, sparse, outcomes, stopped, .. } = result;
+        Self { engine, settings, cameras, sparse, outcomes, stopped }
+    }
+}
+
+impl From<RgbdResult> for Cameras {
+    fn from(result: RgbdResult) -> Self {
+        let RgbdResult { cameras, outcomes, links: [held, contradicted], stopped } = result;
+        let begun = if stopped { "stopped with " } else { "" };
+        let mut settings = format!("{begun}{} of {} frames by depth, {held} links", cameras.len(), outcomes.len());
+        if contradicted > 0 {
+            settings += &format!(", {contradicted} contradicted by the others");
+        }
+        Self { engine: "rgbd", settings, cameras, sparse: SparsePoints::default(), outcomes, stopped }
+    }
+}
+
 impl CameraWork {
     /// Checks what is asked for and loads what it needs.
     ///
@@ -58,7 +101,7 @@ impl CameraWork {
     pub fn new(
         project: Arc<Project>,
         request: &ReconstructRequest,
-        poses: Poses,
+        finder: Finder,
         session: &mut Session,
     ) -> Result<Self> {
         let frames = project.frames.len();
@@ -68,17 +111,20 @@ impl CameraWork {
         let matcher = matcher(&request.matcher, extractor.name())?;
         let version = session.opened()?.next_version()?;
         let (root, store) = (session.opened()?.root().to_owned(), Arc::clone(&session.store));
-        Ok(Self { project, root, store, request: request.clone(), poses, version, extractor, matcher })
+        Ok(Self { project, root, store, request: request.clone(), finder, version, extractor, matcher })
     }
 
-    /// Cameras by structure from motion; stopped, those that it has, where they are more than stand already.
+    /// Cameras; stopped, those that it has, where they are more than stand already.
     ///
     /// # Errors
     /// Where nothing can be placed or written, or it was stopped before there was anything to keep.
     pub fn find(self, progress: &Progress) -> Result<FoundCameras> {
         let begun = Instant::now();
-        let engines = (self.extractor.as_ref(), self.matcher.as_ref());
-        let result = make(&self.project, &self.request, self.poses, engines, &self.store, progress)?;
+        let poses = self.poses();
+        let result: Cameras = match self.finder {
+            Finder::Sfm(_) => self.by_motion(poses, progress)?.into(),
+            Finder::Rgbd => self.by_depth(progress)?.into(),
+        };
         let frames = &self.project.frames;
         if result.stopped && result.cameras.len() <= frames.iter().filter(|frame| is_posed(frame)).count() {
             return Err(Stopped.into());
@@ -89,10 +135,60 @@ impl CameraWork {
         Ok(FoundCameras {
             notice: format!("cameras: {}", record.settings),
             warnings: unplaced(frames, &result),
-            edits: edits(&self.project, &result, self.poses, record),
+            edits: edits(&self.project, &result, poses, record),
             stopped: result.stopped,
             made_from: self.project,
         })
+    }
+
+    fn poses(&self) -> Poses {
+        match self.finder {
+            Finder::Sfm(poses) => poses,
+            Finder::Rgbd => Poses::Anew,
+        }
+    }
+
+    fn by_depth(&self, progress: &Progress) -> Result<RgbdResult> {
+        let (chosen, between): (Vec<usize>, Vec<usize>) =
+            (0..self.project.frames.len()).partition(|&frame| frame % self.request.every == 0);
+        let wish = RgbdRequest {
+            frames: &self.project.frames,
+            chosen: &chosen,
+            between: &between,
+            pairs: &self.request.pairs,
+            extractor: self.extractor.as_ref(),
+            matcher: self.matcher.as_ref(),
+            options: RgbdOptions { registration: registration(&self.request.registration)?, ..RgbdOptions::default() },
+        };
+        register_rgbd(&wish, &self.store, progress).map_err(|error| anyhow::anyhow!(error))
+    }
+
+    fn by_motion(&self, poses: Poses, progress: &Progress) -> Result<SfmResult> {
+        let (project, request) = (&self.project, &self.request);
+        let frames = &project.frames;
+        let kept = |frame: usize| poses == Poses::Kept && frames[frame].posed_camera().is_some();
+        let (mapped, located): (Vec<usize>, Vec<usize>) =
+            (0..frames.len()).partition(|&frame| frame % request.every == 0 || kept(frame));
+        let place = |frame: usize| mapped.binary_search(&frame).ok();
+        let pairs = request.pairs.iter().filter_map(|&[a, b]| Some((place(a)?, place(b)?))).collect();
+        let allowed = |frame: usize| {
+            let labelled = || project.mask_in_play(frame).map(|runs| runs.decode());
+            let pixels = request.only_labelled.then(labelled)?;
+            let none = || vec![false; frames[frame].width as usize * frames[frame].height as usize];
+            Some(pixels.map_or_else(none, |mask| mask.ids.iter().map(|&id| id != LabelId::NONE).collect()))
+        };
+        let wish = SfmRequest {
+            frames,
+            mapped: &mapped,
+            located: &located,
+            keep_poses: poses == Poses::Kept,
+            allowed: &allowed,
+            extractor: self.extractor.as_ref(),
+            matcher: self.matcher.as_ref(),
+            pairs: PairOptions { given: pairs, ..PairOptions::default() },
+            mapper: MapperOptions::default(),
+        };
+        structure_from_motion(&wish, &self.store, progress).map_err(|error| anyhow::anyhow!(error))
     }
 }
 
@@ -127,7 +223,7 @@ impl FoundCameras {
     }
 }
 
-fn edits(project: &Project, result: &SfmResult, poses: Poses, record: ResultRecord) -> Vec<Edit> {
+fn edits(project: &Project, result: &Cameras, poses: Poses, record: ResultRecord) -> Vec<Edit> {
     let frames = project.frames.iter().enumerate();
     let mut edits: Vec<Edit> = frames
         .clone()
@@ -142,40 +238,6 @@ fn edits(project: &Project, result: &SfmResult, poses: Poses, record: ResultReco
     edits
 }
 
-fn make(
-    project: &Project,
-    request: &ReconstructRequest,
-    poses: Poses,
-    (extractor, matcher): (&dyn FeatureExtractor, &dyn FeatureMatcher),
-    store: &FrameStore,
-    progress: &Progress,
-) -> Result<SfmResult> {
-    let frames = &project.frames;
-    let kept = |frame: usize| poses == Poses::Kept && frames[frame].posed_camera().is_some();
-    let (mapped, located): (Vec<usize>, Vec<usize>) =
-        (0..frames.len()).partition(|&frame| frame % request.every == 0 || kept(frame));
-    let place = |frame: usize| mapped.binary_search(&frame).ok();
-    let pairs = request.pairs.iter().filter_map(|&[a, b]| Some((place(a)?, place(b)?))).collect();
-    let allowed = |frame: usize| {
-        let labelled = || project.mask_in_play(frame).map(|runs| runs.decode());
-        let pixels = request.only_labelled.then(labelled)?;
-        let none = || vec![false; frames[frame].width as usize * frames[frame].height as usize];
-        Some(pixels.map_or_else(none, |mask| mask.ids.iter().map(|&id| id != LabelId::NONE).collect()))
-    };
-    let wish = SfmRequest {
-        frames,
-        mapped: &mapped,
-        located: &located,
-        keep_poses: poses == Poses::Kept,
-        allowed: &allowed,
-        extractor,
-        matcher,
-        pairs: PairOptions { given: pairs, ..PairOptions::default() },
-        mapper: MapperOptions::default(),
-    };
-    structure_from_motion(&wish, store, progress).map_err(|error| anyhow::anyhow!(error))
-}
-
 /// The camera that a frame has after it: where none was found, a pose found anew leaves only given intrinsics.
 fn camera(known: &Frame, found: Option<&FrameCamera>, poses: Poses) -> Option<FrameCamera> {
     match (found, poses) {
@@ -188,13 +250,13 @@ fn camera(known: &Frame, found: Option<&FrameCamera>, poses: Poses) -> Option<Fr
     }
 }
 
-fn record(result: &SfmResult, took: Duration, version: u64) -> ResultRecord {
+fn record(result: &Cameras, took: Duration, version: u64) -> ResultRecord {
     ResultRecord {
-        engine: "sfm".into(),
+        engine: result.engine.into(),
         frames: result.cameras.len(),
         seconds: took.as_secs_f64(),
         stale: false,
-        settings: settings(result),
+        settings: result.settings.clone(),
         version,
         voxel: None,
     }
@@ -225,9 +287,8 @@ fn settings(result: &SfmResult) -> String {
 }
 
 /// One line per frame without a camera, up to a number.
-fn unplaced(frames: &[Frame], result: &SfmResult) -> Vec<String> {
-    let placed = |outcome: &Outcome| matches!(outcome, Outcome::Placed { .. });
-    let out = result.outcomes.iter().filter(|(_, outcome)| !placed(outcome));
+fn unplaced(frames: &[Frame], result: &Cameras) -> Vec<String> {
+    let out = result.outcomes.iter().filter(|(_, outcome)| !outcome.is_placed());
     let name = |frame: usize| frames[frame].name.as_str();
     left_out(out.map(|(&frame, why)| format!("{} has no camera: {}", name(frame), why.text(name))).collect(), "camera")
 }
@@ -243,7 +304,7 @@ pub(super) fn left_out(mut lines: Vec<String>, lacking: &str) -> Vec<String> {
 }
 
 /// Points, keypoints and what became of each frame, under the version's number.
-fn save(folder: &Path, frames: &[Frame], result: &SfmResult) -> Result<()> {
+fn save(folder: &Path, frames: &[Frame], result: &Cameras) -> Result<()> {
     let mut placed = frames.to_vec();
     for (number, frame) in placed.iter_mut().enumerate() {
         frame.camera = result.cameras.get(&number).copied();

@@ -8,8 +8,9 @@ use crate::frames::FrameStore;
 use crate::frames::cameras::{SparsePoints, write_colmap_model};
 use crate::masks::{Label, LabelTree, MaskFormat};
 use crate::scene::LabelledCloud;
+use crate::scene::formats::{MeshFormat, VoxelFormat};
 use crate::scene::fuse::Votes;
-use crate::scene::ply::{Coloring, read_ply, save_per_label, save_ply, twin_path};
+use crate::scene::ply::{read_ply, save_ply};
 use crate::session::cloud::read_votes_file;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::store::{cloud_path, load_sparse, version_in_force, votes_path};
@@ -35,8 +36,11 @@ impl Session {
         check(request, &sources)?;
         let request = request.clone();
         Ok(self.start("Export", Kind::Short, move |link| {
-            write(&request, &sources, &link.progress)?;
-            Ok(Box::new(|_: &mut Self| Ok(())) as Landing)
+            let warnings = write(&request, &sources, &link.progress)?;
+            Ok(Box::new(move |session: &mut Self| {
+                session.warn_all(warnings);
+                Ok(())
+            }) as Landing)
         }))
     }
 
@@ -61,14 +65,12 @@ fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
     let has_cloud = sources.cloud.is_some() || sources.cloud_file.is_some();
     let of_cloud = [cloud, mesh, voxels, traits].into_iter().any(Option::is_some);
     ensure!(has_cloud || !of_cloud, "the project has no cloud yet; fuse first");
-    for path in [mesh, voxels].into_iter().flatten() {
-        let is_ply = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply"));
-        ensure!(is_ply, "{}: meshes and voxels are written as PLY; give a name that ends in .ply", path.display());
-        ensure!(
-            sources.surface.is_some(),
-            "this cloud has no surface; fuse the project's depths (not onto a given cloud)"
-        );
-    }
+    mesh.as_deref().map(MeshFormat::of).transpose()?;
+    voxels.as_deref().map(VoxelFormat::of).transpose()?;
+    ensure!(
+        (mesh.is_none() && voxels.is_none()) || sources.surface.is_some(),
+        "this cloud has no surface; fuse the project's depths (not onto a given cloud)"
+    );
     let frames = &sources.project.frames;
     ensure!(
         (cameras.is_none() && undistorted.is_none()) || frames.iter().any(|frame| frame.posed_camera().is_some()),
@@ -82,17 +84,19 @@ fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
     Ok(())
 }
 
-fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Result<()> {
+/// Writes what was asked for; returns what the user should know.
+fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Result<Vec<String>> {
+    let mut warnings = Vec::new();
     if request.cloud.is_some() || request.voxels.is_some() || request.traits.is_some() {
         let cloud = load_cloud(sources, progress)?;
         request.cloud.as_deref().map_or(Ok(()), |path| write_cloud(path, &cloud, request, progress))?;
-        let voxels = |path| write_cloud(path, &super::models::voxels(&cloud, sources)?, request, progress);
+        let voxels = |path| super::models::write_voxels(path, &cloud, sources, request, progress);
         request.voxels.as_deref().map_or(Ok(()), voxels)?;
         let traits = |path| super::traits::write(path, &cloud, request.level, progress);
         request.traits.as_deref().map_or(Ok(()), traits)?;
     }
     if let Some(path) = &request.mesh {
-        super::models::write_mesh(path, sources, request, progress)?;
+        warnings.extend(super::models::write_mesh(path, sources, request, progress)?);
     }
     let sparse =
         || sources.root.as_deref().map_or_else(SparsePoints::default, |root| load_sparse(root, &sources.project));
@@ -108,7 +112,7 @@ fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Res
     if let Some(folder) = &request.depths {
         super::depths::write(folder, &sources.project, &sources.store, progress)?;
     }
-    Ok(())
+    Ok(warnings)
 }
 
 /// The cloud, under the label names of today.
@@ -142,15 +146,6 @@ impl Sources {
 
 fn write_cloud(path: &Path, cloud: &LabelledCloud, request: &ExportRequest, progress: &Progress) -> Result<()> {
     progress.stage("write cloud")?;
-    super::make_folder_of(path)?;
-    let coarse = request.level.map(|level| cloud.at_level(level));
-    let cloud = coarse.as_ref().unwrap_or(cloud);
-    save_ply(path, cloud, Coloring::Picture, progress)?;
-    if request.twin {
-        save_ply(&twin_path(path), cloud, Coloring::Labels, progress)?;
-    }
-    if request.per_label {
-        save_per_label(path, cloud, progress)?;
-    }
-    Ok(())
+    let save = |path: &Path, cloud: &LabelledCloud, coloring| save_ply(path, cloud, coloring, progress);
+    super::models::write_points(path, cloud, request, save)
 }

@@ -4,36 +4,91 @@ use anyhow::{Context, Result};
 
 use super::export::Sources;
 use crate::engine::job::Progress;
-use crate::scene::ply::{Coloring, label_paths, read_mesh, save_mesh, twin_path};
-use crate::scene::{LabelledCloud, voxelize};
+use crate::scene::formats::{MeshFormat, VoxelFormat};
+use crate::scene::ply::{Coloring, label_paths, read_mesh, save_per_label, twin_path};
+use crate::scene::{LabelledCloud, LabelledMesh, SceneError, voxelize};
 use crate::session::ExportRequest;
 
-/// Writes the surface that was made with the cloud, under the label names of today: every triangle in one label.
-pub(super) fn write_mesh(path: &Path, sources: &Sources, request: &ExportRequest, progress: &Progress) -> Result<()> {
+/// Writes the surface that was made with the cloud, under the label names of today: every triangle in one label. Returns
+/// a warning where more triangles are left than were asked for.
+pub(super) fn write_mesh(
+    path: &Path,
+    sources: &Sources,
+    request: &ExportRequest,
+    progress: &Progress,
+) -> Result<Option<String>> {
+    let format = MeshFormat::of(path)?;
     let (file, _) = sources.surface.as_ref().context("the cloud has no surface")?;
     let mut mesh = read_mesh(file, progress).context("the project's mesh is gone; fuse again")?;
-    progress.stage("write mesh")?;
-    super::make_folder_of(path)?;
     mesh.vertices.tree = sources.tree_of_today(&mesh.vertices.tree);
     if let Some(level) = request.level {
         mesh.vertices = mesh.vertices.at_level(level);
     }
-    let mesh = mesh.split_at_labels();
-    save_mesh(path, &mesh, Coloring::Picture, progress)?;
+    let whole = mesh.split_at_labels();
+    let simple = request.simplify.map(|share| simplified(&whole, share, progress)).transpose()?;
+    let (mesh, warning) = simple.unwrap_or((whole, None));
+    progress.stage("write mesh")?;
+    super::make_folder_of(path)?;
+    format.save(path, &mesh, Coloring::Picture, progress)?;
     if request.twin {
-        save_mesh(&twin_path(path), &mesh, Coloring::Labels, progress)?;
+        format.save(&twin_path(path), &mesh, Coloring::Labels, progress)?;
     }
     if request.per_label {
-        for (id, file) in label_paths(path, &mesh.vertices) {
-            let part = mesh.filter(|at| mesh.vertices.labels[mesh.triangles[at][0] as usize] == id);
-            save_mesh(&file, &part, Coloring::Picture, progress)?;
+        let files = label_paths(path, &mesh.vertices);
+        for (id, part) in mesh.by_label() {
+            format.save(&files[&id], &part, Coloring::Picture, progress)?;
         }
     }
-    Ok(())
+    Ok(warning)
 }
 
-/// The cubes that hold points of the cloud, as large as the voxels of its surface.
-pub(super) fn voxels(cloud: &LabelledCloud, sources: &Sources) -> Result<LabelledCloud> {
+/// The mesh with a share of its triangles, and a warning where their number is clearly above that.
+fn simplified(whole: &LabelledMesh, share: f64, progress: &Progress) -> Result<(LabelledMesh, Option<String>)> {
+    /// By which the share may be missed.
+    const SLACK: f64 = 1.05;
+    progress.stage("simplify mesh")?;
+    let mesh = whole.simplify(share, progress)?;
+    let (before, after) = (whole.triangles.len(), mesh.triangles.len());
+    let missed = after as f64 > (before as f64 * share * SLACK).max(1.0);
+    let warning = format!(
+        "the mesh keeps {after} of its {before} triangles: with fewer, borders of labels and holes could not keep their course"
+    );
+    Ok((mesh, missed.then_some(warning)))
+}
+
+/// Writes the cubes that hold points of the cloud, as large as the voxels of its surface.
+pub(super) fn write_voxels(
+    path: &Path,
+    cloud: &LabelledCloud,
+    sources: &Sources,
+    request: &ExportRequest,
+    progress: &Progress,
+) -> Result<()> {
+    let format = VoxelFormat::of(path)?;
     let (_, voxel) = sources.surface.as_ref().context("the cloud has no surface")?;
-    Ok(voxelize(cloud, sources.votes()?.as_ref(), *voxel)?)
+    progress.stage("write voxels")?;
+    let voxels = voxelize(cloud, sources.votes()?.as_ref(), *voxel)?;
+    let request = ExportRequest { twin: request.twin && format.has_twin(), ..request.clone() };
+    let save = |path: &Path, voxels: &LabelledCloud, coloring| format.save(path, voxels, *voxel, coloring, progress);
+    write_points(path, &voxels, &request, save)
+}
+
+/// Writes a cloud or voxels by `save`, read at the level asked for, then the twin and the parts that are asked for.
+pub(super) fn write_points(
+    path: &Path,
+    cloud: &LabelledCloud,
+    request: &ExportRequest,
+    save: impl Fn(&Path, &LabelledCloud, Coloring) -> Result<(), SceneError>,
+) -> Result<()> {
+    super::make_folder_of(path)?;
+    let coarse = request.level.map(|level| cloud.at_level(level));
+    let cloud = coarse.as_ref().unwrap_or(cloud);
+    save(path, cloud, Coloring::Picture)?;
+    if request.twin {
+        save(&twin_path(path), cloud, Coloring::Labels)?;
+    }
+    if request.per_label {
+        save_per_label(path, cloud, |path, part| save(path, part, Coloring::Picture))?;
+    }
+    Ok(())
 }

@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, ensure};
 
-use super::cameras::{CameraWork, Poses};
+use super::cameras::{CameraWork, Finder, Poses};
 use super::stereo::{StereoWork, make_depths};
 use crate::engine::job::Stopped;
 use crate::frames::Frame;
@@ -15,7 +15,7 @@ enum Way {
     /// Poses and depths are there.
     Given,
     /// Cameras are found where that is wanted, depths are made where that is wanted.
-    Made { cameras: Option<Poses>, depths: bool },
+    Made { cameras: Option<Finder>, depths: bool },
 }
 
 impl Session {
@@ -33,11 +33,11 @@ impl Session {
         &mut self,
         project: Arc<Project>,
         request: &ReconstructRequest,
-        cameras: Option<Poses>,
+        cameras: Option<Finder>,
         depths: bool,
     ) -> Result<JobId> {
         let camera_work =
-            cameras.map(|poses| CameraWork::new(Arc::clone(&project), request, poses, self)).transpose()?;
+            cameras.map(|finder| CameraWork::new(Arc::clone(&project), request, finder, self)).transpose()?;
         let work = StereoWork {
             project,
             root: self.opened()?.root().to_owned(),
@@ -91,11 +91,27 @@ fn way(project: &Project, request: &ReconstructRequest) -> Result<Way> {
     let measured = project.frames.iter().any(Frame::has_sensor_depth);
     match request.method {
         ReconstructMethod::Auto if measured && missing.is_none() => Ok(Way::Given),
-        ReconstructMethod::Auto => Ok(Way::Made { cameras: missing, depths: !measured }),
-        ReconstructMethod::Sfm => Ok(Way::Made { cameras: Some(Poses::Anew), depths: false }),
-        ReconstructMethod::Mvs => Ok(Way::Made { cameras: missing, depths: true }),
-        ReconstructMethod::Rgbd => bail!("RGB-D registration is not in this version yet; give cameras with --cameras"),
+        ReconstructMethod::Auto if missing == Some(Poses::Anew) && is_rgbd(project) && !request.only_labelled => {
+            Ok(Way::Made { cameras: Some(Finder::Rgbd), depths: false })
+        }
+        ReconstructMethod::Auto => Ok(Way::Made { cameras: missing.map(Finder::Sfm), depths: !measured }),
+        ReconstructMethod::Sfm => Ok(Way::Made { cameras: Some(Finder::Sfm(Poses::Anew)), depths: false }),
+        ReconstructMethod::Mvs => Ok(Way::Made { cameras: missing.map(Finder::Sfm), depths: true }),
+        ReconstructMethod::Rgbd => {
+            ensure!(measured, "no frame has depth of a sensor; give it with --depth, or --method sfm or mvs");
+            ensure!(
+                !request.only_labelled,
+                "RGB-D registration takes all that the sensor sees; leave out --only-labelled"
+            );
+            Ok(Way::Made { cameras: Some(Finder::Rgbd), depths: false })
+        }
     }
+}
+
+/// Whether all frames have depth of a sensor whose intrinsics were given.
+fn is_rgbd(project: &Project) -> bool {
+    let known = |frame: &Frame| frame.camera.as_ref().is_some_and(|camera| !camera.estimated);
+    project.frames.iter().all(|frame| frame.has_sensor_depth() && known(frame))
 }
 
 /// Whether a frame's pose is known.

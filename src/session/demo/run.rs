@@ -10,7 +10,7 @@ use super::studio::{Studio, Watch};
 use super::user::SimulatedUser;
 use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameFolder, OpenRequest};
-use crate::geometry::{Alignment, Similarity};
+use crate::geometry::{Alignment, Camera, Similarity};
 use crate::masks::LabelMask;
 use crate::scene::LabelledCloud;
 use crate::scene::ply::{Coloring, read_mesh, read_ply, save_mesh, save_ply};
@@ -37,6 +37,20 @@ pub enum DemoMethod {
     /// From the pictures alone: structure from motion, then stereo. The cloud is aligned to the truth by Sim(3) of the
     /// camera centres.
     Stereo,
+    /// Poses from the made sensor's depths and the pictures. The cloud is aligned to the truth by SE(3) of the camera
+    /// centres.
+    Rgbd,
+}
+
+impl DemoMethod {
+    /// How cameras are found, where they are, and how the outcome is aligned to the truth.
+    fn reconstruction(self) -> Option<(ReconstructMethod, Alignment)> {
+        match self {
+            Self::Given => None,
+            Self::Stereo => Some((ReconstructMethod::Mvs, Alignment::Sim3)),
+            Self::Rgbd => Some((ReconstructMethod::Rgbd, Alignment::Se3)),
+        }
+    }
 }
 
 /// Clicks per class on the first frame, and on each frame corrected after.
@@ -62,9 +76,9 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
     let truth_masks: Vec<LabelMask> = scene.views().iter().map(|view| scene.render_exact(view).mask).collect();
 
     let mut studio = Studio::new(session, watch);
-    clock.time("2 open", || studio.act(Command::New(new_project(out, options.method))))?;
-    if options.method == DemoMethod::Stereo {
-        let request = ReconstructRequest { method: ReconstructMethod::Mvs, ..ReconstructRequest::default() };
+    clock.time("2 open", || studio.act(Command::New(new_project(out, options.method, scene.views()))))?;
+    if let Some((method, _)) = options.method.reconstruction() {
+        let request = ReconstructRequest { method, ..ReconstructRequest::default() };
         clock.time("3 reconstruct", || studio.act(Command::Reconstruct(request)))?;
     }
     let mut user = SimulatedUser::new(&mut studio, truth_masks, scene.tree(), level)?;
@@ -86,9 +100,9 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
     let mesh_path = studio.session.surface_voxel().map(|_| out.join("mesh.ply"));
     let export = ExportRequest { cloud: Some(cloud_path.clone()), mesh: mesh_path.clone(), ..ExportRequest::default() };
     clock.time("7 export", || studio.act(Command::Export(export)))?;
-    if options.method == DemoMethod::Stereo {
+    if let Some((_, alignment)) = options.method.reconstruction() {
         let project = studio.session.project().context("no project is open")?;
-        align(&cloud_path, mesh_path.as_deref(), &project.frames, scene.views())?;
+        align([Some(&cloud_path), mesh_path.as_ref()], &project.frames, scene.views(), alignment)?;
     }
     let cloud = clock.time("8 score", || score(&truth_cloud, &cloud_path))?;
     let report = DemoReport {
@@ -149,31 +163,37 @@ fn make_recording(scene: &Scene, out: &Path) -> Result<LabelledCloud> {
     Ok(cloud)
 }
 
-fn new_project(out: &Path, method: DemoMethod) -> NewProject {
+fn new_project(out: &Path, method: DemoMethod, views: &[View]) -> NewProject {
     let recording = out.join("recording");
-    let given = |path: &str| (method == DemoMethod::Given).then(|| recording.join(path));
-    let source = FrameFolder { frames: recording.join("color"), depth: given("depth") };
+    let given = |path: &str, given: bool| given.then(|| recording.join(path));
+    let depth = given("depth", method != DemoMethod::Stereo);
+    let source = FrameFolder { frames: recording.join("color"), depth };
+    // A recording of a depth camera comes with the camera's intrinsics, and nothing else.
+    let camera = views.first().filter(|_| method == DemoMethod::Rgbd).map(|view| view.camera);
     NewProject {
         root: out.join("project"),
         open: OpenRequest { sources: vec![source], depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() },
-        cameras: given("sparse"),
-        intrinsics: None,
+        cameras: given("sparse", method == DemoMethod::Given),
+        intrinsics: camera
+            .map(|Camera { focal_px, principal_px, .. }| [focal_px.x, focal_px.y, principal_px.x, principal_px.y]),
     }
 }
 
 /// Moves the cloud and the mesh in these files to where the true camera centres are.
-fn align(cloud_path: &Path, mesh_path: Option<&Path>, frames: &[Frame], views: &[View]) -> Result<()> {
+fn align([cloud, mesh]: [Option<&PathBuf>; 2], frames: &[Frame], views: &[View], alignment: Alignment) -> Result<()> {
     let pairs = frames.iter().zip(views).filter_map(|(frame, view)| {
         let (_, found) = frame.posed_camera()?;
         Some((found.centre(), view.camera_from_world.centre()))
     });
     let (found, truth): (Vec<DVec3>, Vec<DVec3>) = pairs.unzip();
-    let to_truth = Similarity::align(&found, &truth, Alignment::Sim3)?;
+    let to_truth = Similarity::align(&found, &truth, alignment)?;
     let progress = Progress::default();
-    let mut cloud = read_ply(cloud_path, &progress)?.cloud;
-    transform(&mut cloud, &to_truth);
-    save_ply(cloud_path, &cloud, Coloring::Picture, &progress)?;
-    if let Some(path) = mesh_path {
+    if let Some(path) = cloud {
+        let mut cloud = read_ply(path, &progress)?.cloud;
+        transform(&mut cloud, &to_truth);
+        save_ply(path, &cloud, Coloring::Picture, &progress)?;
+    }
+    if let Some(path) = mesh {
         let mut mesh = read_mesh(path, &progress)?;
         transform(&mut mesh.vertices, &to_truth);
         save_mesh(path, &mesh, Coloring::Picture, &progress)?;

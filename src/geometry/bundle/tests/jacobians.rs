@@ -1,8 +1,8 @@
 use glam::{DVec2, DVec3};
 
 use super::scene::{cameras, dome};
+use crate::geometry::blocks::{BLOCK, Column};
 use crate::geometry::bundle::arrange::Layout;
-use crate::geometry::bundle::kernel::{BLOCK, Column};
 use crate::geometry::bundle::piece::Sighting;
 use crate::geometry::bundle::state::State;
 use crate::geometry::bundle::{Bundle, BundleOptions, Refine};

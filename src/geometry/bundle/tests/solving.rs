@@ -2,14 +2,13 @@ use nalgebra::{DMatrix, DVector};
 
 use super::scene::{Noise, blur, disturb, dome, pinhole};
 use crate::geometry::Distortion;
+use crate::geometry::blocks::{BLOCK, Column, Skyline, conjugate_gradients};
 use crate::geometry::bundle::arrange::{Layout, arrange};
-use crate::geometry::bundle::kernel::{BLOCK, Column};
 use crate::geometry::bundle::normal::Normal;
 use crate::geometry::bundle::piece::Piece;
-use crate::geometry::bundle::skyline::Skyline;
 use crate::geometry::bundle::state::State;
 use crate::geometry::bundle::trial::Trial;
-use crate::geometry::bundle::{Bundle, BundleOptions, Loss, Refine, conjugate};
+use crate::geometry::bundle::{Bundle, BundleOptions, Loss, Refine};
 
 const DAMPING: f64 = 1e-3;
 
@@ -128,7 +127,7 @@ fn conjugate_gradients_gain_as_much_as_factoring() {
     let (layout, mut pieces) = arrange(&bundle, &options, &state);
     let mut normal = Normal::new(&layout);
     normal.build(&pieces, &layout, &state, 1e-4);
-    let near = conjugate::solve(&normal.matrix, &normal.right).unwrap();
+    let near = conjugate_gradients(&normal.matrix, &normal.right).unwrap();
     let exact = normal.solve().unwrap();
     let mut fall = |step: &[Column]| {
         let moved = state.moved(&layout, step);

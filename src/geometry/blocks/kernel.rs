@@ -1,17 +1,17 @@
 //! The one inner loop: products of blocks of six rows, as columns of six that the compiler turns into vectors.
 
 /// Unknowns in a block: a pose has six; a camera's intrinsics are padded to six or twelve.
-pub(super) const BLOCK: usize = 6;
+pub const BLOCK: usize = 6;
 
 /// One column of a block.
-pub(super) type Column = [f64; BLOCK];
+pub type Column = [f64; BLOCK];
 
 /// A block as its six columns.
-pub(super) type Block = [Column; BLOCK];
+pub type Block = [Column; BLOCK];
 
 /// `target −= Σ_k a[k] · b[k]ᵀ`.
 #[inline(always)]
-pub(super) fn subtract_products(target: &mut Block, a: &[Column], b: &[Column]) {
+pub fn subtract_products(target: &mut Block, a: &[Column], b: &[Column]) {
     let mut sum = *target;
     for (a, b) in a.iter().zip(b) {
         for (column, factor) in sum.iter_mut().zip(b) {
@@ -25,6 +25,6 @@ pub(super) fn subtract_products(target: &mut Block, a: &[Column], b: &[Column]) 
 
 /// The inner product of two columns.
 #[inline(always)]
-pub(super) fn dot(a: &Column, b: &Column) -> f64 {
+pub fn dot(a: &Column, b: &Column) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -12,7 +12,7 @@ const TOLERANCE: f64 = 0.02;
 /// Solves `matrix · x = right` by preconditioned conjugate gradients, about as well as a step of Levenberg–Marquardt
 /// needs (S. Agarwal, N. Snavely, S. Seitz, R. Szeliski, *Bundle Adjustment in the Large*, ECCV 2010); each block on
 /// the diagonal is its own preconditioner. `None` where the matrix is not positive definite.
-pub(super) fn solve(matrix: &Skyline, right: &[Column]) -> Option<Vec<Column>> {
+pub fn conjugate_gradients(matrix: &Skyline, right: &[Column]) -> Option<Vec<Column>> {
     Arch::new().dispatch(Solve { matrix, right })
 }
 

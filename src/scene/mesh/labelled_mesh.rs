@@ -1,7 +1,9 @@
+use std::collections::BTreeMap;
+
 use glam::Vec3;
 
-use super::LabelledCloud;
 use crate::masks::LabelId;
+use crate::scene::LabelledCloud;
 
 /// A surface of triangles whose vertices are labelled points.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -41,7 +43,8 @@ impl LabelledMesh {
             let mut between = |ends: &[u32], label: LabelId| {
                 let mut key = ends.to_vec();
                 key.sort_unstable();
-                *made.entry((key, label)).or_insert_with(|| mesh.vertices.push_mean(ends, label))
+                // In rising order, so that the middle is bit for bit the same for every label.
+                *made.entry((key, label)).or_insert_with_key(|(ends, _)| mesh.vertices.push_mean(ends, label))
             };
             for corner in 0..3 {
                 let [a, b, c] = [0, 1, 2].map(|step| triangle[(corner + step) % 3]);
@@ -58,6 +61,29 @@ impl LabelledMesh {
             }
         }
         mesh
+    }
+
+    /// The triangles of each label that has some, with the vertices that they use, in rising order of ids. A triangle
+    /// belongs to the label of its first vertex: cut the mesh by [`Self::split_at_labels`] first.
+    #[must_use]
+    pub fn by_label(&self) -> BTreeMap<LabelId, Self> {
+        let mut of_label: BTreeMap<LabelId, Vec<[u32; 3]>> = BTreeMap::new();
+        for &triangle in &self.triangles {
+            of_label.entry(self.vertices.labels[triangle[0] as usize]).or_default().push(triangle);
+        }
+        let mut place = vec![u32::MAX; self.vertices.len()];
+        of_label.into_iter().map(|(id, triangles)| (id, self.part(triangles, &mut place))).collect()
+    }
+
+    /// A mesh of some of the triangles. `place` has a number for each vertex, [`u32::MAX`] before and after.
+    fn part(&self, mut triangles: Vec<[u32; 3]>, place: &mut [u32]) -> Self {
+        let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
+        used.sort_unstable();
+        used.dedup();
+        used.iter().enumerate().for_each(|(new, &old)| place[old as usize] = new as u32);
+        triangles.iter_mut().flatten().for_each(|vertex| *vertex = place[*vertex as usize]);
+        used.iter().for_each(|&old| place[old as usize] = u32::MAX);
+        Self { vertices: self.vertices.select(&used), triangles }
     }
 
     /// Gives every vertex the normal of the triangles around it, weighed by their areas.
@@ -105,6 +131,31 @@ mod tests {
         assert!((first - (0.375 + 1.0 / 6.0)).abs() < 1e-6, "{first}");
         assert!((second - (0.125 + 1.0 / 6.0)).abs() < 1e-6, "{second}");
         assert_eq!(split.vertices.positions[..4], mesh.vertices.positions[..]);
+    }
+
+    #[test]
+    fn parts_are_the_triangles_of_each_label() {
+        let split = two_triangles().split_at_labels();
+        let parts = split.by_label();
+        assert_eq!(parts.keys().map(|id| id.0).collect::<Vec<_>>(), [1, 2, 3]);
+        for (&id, part) in &parts {
+            assert!(part.vertices.labels.iter().all(|&label| label == id));
+            assert!((area(part, None) - area(&split, Some(id))).abs() < 1e-6);
+            let used: std::collections::BTreeSet<u32> = part.triangles.iter().flatten().copied().collect();
+            assert_eq!(used.len(), part.vertices.len(), "no vertex without a triangle");
+        }
+    }
+
+    #[test]
+    fn vertices_on_both_sides_of_a_border_are_the_same_to_the_bit() {
+        let mut mesh = two_triangles();
+        mesh.vertices.positions =
+            [[0.1, 0.7, 0.3], [1.3, 0.1, 0.9], [0.77, 1.9, 0.2], [0.3, 1.1, 3.7]].map(Vec3::from).to_vec();
+        let split = mesh.split_at_labels();
+        let bits: std::collections::BTreeSet<_> =
+            split.vertices.positions.iter().map(|at| at.to_array().map(f32::to_bits)).collect();
+        // Four corners, the middles of four cut sides, the middle of the second triangle.
+        assert_eq!(bits.len(), 9);
     }
 
     #[test]

@@ -6,13 +6,13 @@ use super::kernel::{BLOCK, Block, Column, dot, subtract_products};
 /// diagonal: factoring fills nothing left of that (A. Jennings, *A compact storage scheme for the solution of symmetric
 /// linear simultaneous equations*, The Computer Journal 1966).
 #[derive(Debug, Clone, Default)]
-pub(super) struct Skyline {
+pub struct Skyline {
     pub rows: Vec<Row>,
 }
 
 /// One row of blocks.
 #[derive(Debug, Clone)]
-pub(super) struct Row {
+pub struct Row {
     /// The first block that is kept.
     pub first: usize,
     /// From the first to that on the diagonal.
@@ -92,7 +92,7 @@ impl Skyline {
 
 /// `target −= block · x`.
 #[inline(always)]
-pub(super) fn subtract_product(target: &mut Column, block: &Block, x: &Column) {
+pub fn subtract_product(target: &mut Column, block: &Block, x: &Column) {
     for (column, x) in block.iter().zip(x) {
         for (value, entry) in target.iter_mut().zip(column) {
             *value -= entry * x;
@@ -118,7 +118,7 @@ fn divide(block: &mut Block, factor: &Block) {
 
 /// Cholesky factor of a block that was `before` on the diagonal of the whole matrix.
 #[inline(always)]
-pub(super) fn factor_block(block: &mut Block, before: &Block) -> bool {
+pub fn factor_block(block: &mut Block, before: &Block) -> bool {
     for c in 0..BLOCK {
         let (done, rest) = block.split_at_mut(c);
         let column = &mut rest[0];
@@ -142,7 +142,7 @@ pub(super) fn factor_block(block: &mut Block, before: &Block) -> bool {
 
 /// `x := L⁻¹ x` with a factored block.
 #[inline(always)]
-pub(super) fn forward(factor: &Block, x: &mut Column) {
+pub fn forward(factor: &Block, x: &mut Column) {
     for c in 0..BLOCK {
         x[c] *= factor[c][c];
         for r in c + 1..BLOCK {
@@ -153,7 +153,7 @@ pub(super) fn forward(factor: &Block, x: &mut Column) {
 
 /// `x := L⁻ᵀ x` with a factored block.
 #[inline(always)]
-pub(super) fn backward(factor: &Block, x: &mut Column) {
+pub fn backward(factor: &Block, x: &mut Column) {
     for c in (0..BLOCK).rev() {
         for r in c + 1..BLOCK {
             x[c] -= factor[c][r] * x[r];

@@ -1,0 +1,14 @@
+//! Large sparse symmetric equations in blocks of six unknowns: a pose each.
+//!
+//! May use: pulp. Must not touch: what the unknowns are.
+
+mod conjugate;
+mod kernel;
+mod skyline;
+mod solve;
+
+#[cfg(test)]
+pub use conjugate::conjugate_gradients;
+pub use kernel::{BLOCK, Block, Column, dot, subtract_products};
+pub use skyline::{Row, Skyline};
+pub use solve::solve;

@@ -1,0 +1,382 @@
+use glam::{DMat3, DQuat, DVec3};
+
+use super::Pose;
+use super::blocks::{BLOCK, Block, Column, Skyline, dot, solve};
+
+/// What was measured between two nodes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseEdge {
+    /// Node that the measured pose leads from.
+    pub source: usize,
+    /// Node that it leads to.
+    pub target: usize,
+    /// The pose that was measured.
+    pub target_from_source: Pose,
+    /// How much a small movement δ of the source in the axes of the target (rotation vector in radians, then translation)
+    /// displaces the points that the measurement rests on: `δᵀ · information · δ` is their mean squared displacement.
+    pub information: [[f64; 6]; 6],
+    /// How much it counts, above 0.
+    pub weight: f64,
+    /// Whether it is left out by degrees where the others contradict it.
+    pub switchable: bool,
+}
+
+/// How a pose graph is solved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseGraphOptions {
+    /// Displacement at which a switchable edge counts a quarter, in world units, above 0.
+    pub switch_distance: f64,
+    /// Steps at most.
+    pub max_iterations: usize,
+}
+
+impl Default for PoseGraphOptions {
+    fn default() -> Self {
+        Self { switch_distance: 0.05, max_iterations: 100 }
+    }
+}
+
+/// A solved pose graph.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolvedPoseGraph {
+    /// Of each node.
+    pub node_from_world: Vec<Pose>,
+    /// Of each edge: how far it is off, as the root mean square displacement of its points in world units.
+    pub displacements: Vec<f64>,
+    /// Of each edge: the share that it counts, 0–1; 1 for those that are not switchable.
+    pub shares: Vec<f64>,
+    /// Steps taken.
+    pub iterations: usize,
+}
+
+/// Step relative to the unknowns' scale below which nothing more is gained.
+const CONVERGED: f64 = 1e-9;
+const LEAST_DAMPING: f64 = 1e-9;
+const MOST_DAMPING: f64 = 1e6;
+
+/// Poses of nodes that agree best with what was measured between them, by Levenberg–Marquardt; the nodes in `fixed` stay.
+/// Switchable edges that contradict the others lose their weight as in a line process (S. Choi, Q.-Y. Zhou, V. Koltun,
+/// *Robust Reconstruction of Indoor Scenes*, CVPR 2015). Nodes that no edge ties to a fixed one keep their place.
+///
+/// Edges whose ends are the same or do not exist are left out.
+#[must_use]
+pub fn solve_pose_graph(
+    node_from_world: &[Pose],
+    fixed: &[bool],
+    edges: &[PoseEdge],
+    options: &PoseGraphOptions,
+) -> SolvedPoseGraph {
+    let graph = Graph::new(node_from_world.len(), fixed, edges, options.switch_distance.powi(2));
+    let mut poses = node_from_world.to_vec();
+    let mut cost = graph.cost(&poses);
+    let mut damping = 1e-4;
+    let mut iterations = 0;
+    while iterations < options.max_iterations && damping < MOST_DAMPING && !graph.first.is_empty() {
+        iterations += 1;
+        let Some(step) = graph.step(&poses, damping) else {
+            damping *= 10.0;
+            continue;
+        };
+        let moved = graph.moved(&poses, &step);
+        let lower = graph.cost(&moved);
+        if lower.is_nan() || lower > cost {
+            damping *= 10.0;
+            continue;
+        }
+        let gain = cost - lower;
+        (poses, cost) = (moved, lower);
+        damping = (damping * 0.2).max(LEAST_DAMPING);
+        if gain <= CONVERGED * cost || step.iter().flatten().all(|value| value.abs() < 1e-12) {
+            break;
+        }
+    }
+    let squared: Vec<f64> = edges.iter().map(|edge| squared_displacement(edge, &poses).unwrap_or(0.0)).collect();
+    let shares = edges.iter().zip(&squared).map(|(edge, &squared)| graph.share(edge, squared)).collect();
+    SolvedPoseGraph {
+        node_from_world: poses,
+        displacements: squared.iter().map(|squared| squared.sqrt()).collect(),
+        shares,
+        iterations,
+    }
+}
+
+struct Graph<'a> {
+    edges: Vec<&'a PoseEdge>,
+    /// The block of each node that moves.
+    block: Vec<Option<usize>>,
+    /// Of each block: the lowest one it shares an edge with.
+    first: Vec<usize>,
+    /// Squared displacement at which a switchable edge counts a quarter.
+    switch: f64,
+}
+
+impl<'a> Graph<'a> {
+    fn new(nodes: usize, fixed: &[bool], edges: &'a [PoseEdge], switch: f64) -> Self {
+        let exists = |edge: &&PoseEdge| edge.source < nodes && edge.target < nodes && edge.source != edge.target;
+        let edges: Vec<&PoseEdge> = edges.iter().filter(exists).collect();
+        let mut block = vec![None; nodes];
+        let mut next = 0;
+        for (node, block) in block.iter_mut().enumerate() {
+            if !fixed.get(node).copied().unwrap_or(false) {
+                *block = Some(next);
+                next += 1;
+            }
+        }
+        let mut first: Vec<usize> = (0..next).collect();
+        for edge in &edges {
+            if let (Some(a), Some(b)) = (block[edge.source], block[edge.target]) {
+                first[a.max(b)] = first[a.max(b)].min(a.min(b));
+            }
+        }
+        Self { edges, block, first, switch }
+    }
+
+    /// The share that an edge counts.
+    fn share(&self, edge: &PoseEdge, squared: f64) -> f64 {
+        if edge.switchable { (self.switch / (self.switch + squared)).powi(2) } else { 1.0 }
+    }
+
+    fn cost(&self, poses: &[Pose]) -> f64 {
+        let of = |edge: &&PoseEdge| {
+            let squared = squared_displacement(edge, poses)?;
+            let loss = if edge.switchable { self.switch * squared / (self.switch + squared) } else { squared };
+            Some(edge.weight * loss)
+        };
+        self.edges.iter().filter_map(of).sum()
+    }
+
+    fn step(&self, poses: &[Pose], damping: f64) -> Option<Vec<Column>> {
+        let mut matrix = Skyline::new(&self.first);
+        let mut right = vec![[0.0; BLOCK]; self.first.len()];
+        for edge in &self.edges {
+            self.add(edge, poses, &mut matrix, &mut right);
+        }
+        for row in &mut matrix.rows {
+            let Some(diagonal) = row.blocks.last_mut() else { continue };
+            let largest = (0..BLOCK).map(|i| diagonal[i][i]).fold(0.0, f64::max);
+            for (i, column) in diagonal.iter_mut().enumerate() {
+                column[i] += if largest > 0.0 { damping * column[i] + 1e-9 * largest } else { 1.0 };
+            }
+        }
+        let step = solve(&mut matrix, &right)?;
+        step.iter().flatten().all(|value| value.is_finite()).then_some(step)
+    }
+
+    /// Adds an edge to the normal equations: its error is displaced by the target's step, less the source's as the target
+    /// sees it.
+    fn add(&self, edge: &PoseEdge, poses: &[Pose], matrix: &mut Skyline, right: &mut [Column]) {
+        let current = poses[edge.target].compose(&poses[edge.source].inverse());
+        let error = difference(&current, &edge.target_from_source);
+        let weight = edge.weight * self.share(edge, quadratic(&edge.information, &error));
+        let by_source = adjoint(&current);
+        let pulled = times(&edge.information, &error);
+        // Columns of the derivative by the source, times the information.
+        let weighted: Block = by_source.map(|column| times(&edge.information, &column));
+        if let Some(target) = self.block[edge.target] {
+            accumulate(matrix, target, target, &edge.information, weight);
+            subtract(&mut right[target], &pulled, weight);
+        }
+        if let Some(source) = self.block[edge.source] {
+            let own: Block = weighted.map(|column| by_source.map(|other| dot(&other, &column)));
+            accumulate(matrix, source, source, &own, weight);
+            subtract(&mut right[source], &by_source.map(|column| dot(&column, &pulled)), -weight);
+        }
+        if let (Some(target), Some(source)) = (self.block[edge.target], self.block[edge.source]) {
+            // Rows are the target's, columns the source's; the matrix keeps what is below the diagonal.
+            let cross = if target > source { weighted } else { transposed(&weighted) };
+            accumulate(matrix, target.max(source), target.min(source), &cross, -weight);
+        }
+    }
+
+    fn moved(&self, poses: &[Pose], step: &[Column]) -> Vec<Pose> {
+        let moved =
+            |(pose, block): (&Pose, &Option<usize>)| block.map_or(*pose, |block| exp(&step[block]).compose(pose));
+        poses.iter().zip(&self.block).map(moved).collect()
+    }
+}
+
+fn accumulate(matrix: &mut Skyline, row: usize, column: usize, block: &Block, weight: f64) {
+    let row = &mut matrix.rows[row];
+    let at = column - row.first;
+    for (sum, values) in row.blocks[at].as_flattened_mut().iter_mut().zip(block.as_flattened()) {
+        *sum += weight * values;
+    }
+}
+
+fn subtract(sum: &mut Column, values: &Column, weight: f64) {
+    for (sum, value) in sum.iter_mut().zip(values) {
+        *sum -= weight * value;
+    }
+}
+
+fn transposed(block: &Block) -> Block {
+    std::array::from_fn(|row| std::array::from_fn(|column| block[column][row]))
+}
+
+/// A symmetric block times a column.
+fn times(block: &Block, x: &Column) -> Column {
+    block.map(|column| dot(&column, x))
+}
+
+fn quadratic(block: &Block, x: &Column) -> f64 {
+    dot(x, &times(block, x)).max(0.0)
+}
+
+/// A small movement as a pose: rotation vector, then translation.
+fn exp(step: &Column) -> Pose {
+    let [a, b, c, x, y, z] = *step;
+    Pose { rotation: DQuat::from_scaled_axis(DVec3::new(a, b, c)), translation: DVec3::new(x, y, z) }
+}
+
+/// The movement δ with `to = exp(δ) · from`.
+fn difference(to: &Pose, from: &Pose) -> Column {
+    let movement = to.compose(&from.inverse());
+    let rotation = if movement.rotation.w < 0.0 { -movement.rotation } else { movement.rotation };
+    let (turn, shift) = (rotation.to_scaled_axis(), movement.translation);
+    [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
+}
+
+/// Columns of the matrix that tells a small movement of the source in the target's axes.
+fn adjoint(target_from_source: &Pose) -> Block {
+    let rotation = DMat3::from_quat(target_from_source.rotation);
+    let shift = target_from_source.translation;
+    let column = |i: usize| {
+        let axis = rotation.col(i % 3);
+        let (turn, moved) = if i < 3 { (axis, shift.cross(axis)) } else { (DVec3::ZERO, axis) };
+        [turn.x, turn.y, turn.z, moved.x, moved.y, moved.z]
+    };
+    std::array::from_fn(column)
+}
+
+/// Mean squared displacement of an edge's points, in squared world units; `None` where it names no two nodes.
+fn squared_displacement(edge: &PoseEdge, poses: &[Pose]) -> Option<f64> {
+    let current = poses.get(edge.target)?.compose(&poses.get(edge.source)?.inverse());
+    Some(quadratic(&edge.information, &difference(&current, &edge.target_from_source)))
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    /// Nodes on a circle that look inwards, twice around, with edges from each to the next and from each to the one a
+    /// round later.
+    struct Ring {
+        truth: Vec<Pose>,
+        edges: Vec<PoseEdge>,
+    }
+
+    fn random(rng: &mut Pcg64Mcg, size: f64) -> Pose {
+        exp(&std::array::from_fn(|_| rng.random_range(-size..size)))
+    }
+
+    /// That of points spread about 1 around a place 2 in front.
+    fn information() -> [[f64; 6]; 6] {
+        let mut sum = [[0.0; 6]; 6];
+        for x in [DVec3::new(1.0, 0.5, 2.0), DVec3::new(-1.0, 0.3, 2.5), DVec3::new(0.1, -0.8, 1.6)] {
+            for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+                let turn = x.cross(axis);
+                let row = [turn.x, turn.y, turn.z, axis.x, axis.y, axis.z];
+                for (i, column) in sum.iter_mut().enumerate() {
+                    for (j, value) in column.iter_mut().enumerate() {
+                        *value += row[i] * row[j] / 3.0;
+                    }
+                }
+            }
+        }
+        sum
+    }
+
+    fn ring(rng: &mut Pcg64Mcg, noise: f64) -> Ring {
+        const ROUND: usize = 20;
+        let pose = |k: usize| {
+            let angle = k as f64 * std::f64::consts::TAU / ROUND as f64;
+            let rotation = DQuat::from_rotation_y(angle);
+            Pose { rotation, translation: DVec3::new(0.0, 0.1 * (k as f64 * 0.7).sin(), 3.0) }
+        };
+        let truth: Vec<Pose> = (0..2 * ROUND).map(pose).collect();
+        let mut edge = |source: usize, target: usize, switchable: bool| PoseEdge {
+            source,
+            target,
+            target_from_source: random(rng, noise).compose(&truth[target].compose(&truth[source].inverse())),
+            information: information(),
+            weight: 1.0,
+            switchable,
+        };
+        let mut edges: Vec<PoseEdge> = (1..2 * ROUND).map(|k| edge(k - 1, k, false)).collect();
+        edges.extend((ROUND..2 * ROUND).map(|k| edge(k, k - ROUND, true)));
+        Ring { truth, edges }
+    }
+
+    /// Poses by chaining the edges between neighbours.
+    fn chained(ring: &Ring) -> Vec<Pose> {
+        let mut poses = vec![ring.truth[0]];
+        for edge in &ring.edges[..ring.truth.len() - 1] {
+            poses.push(edge.target_from_source.compose(&poses[edge.source]));
+        }
+        poses
+    }
+
+    fn fixed(count: usize) -> Vec<bool> {
+        (0..count).map(|node| node == 0).collect()
+    }
+
+    fn largest_error(poses: &[Pose], truth: &[Pose]) -> f64 {
+        poses.iter().zip(truth).map(|(a, b)| a.centre().distance(b.centre())).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn exact_measurements_give_the_truth_back() {
+        let rng = &mut Pcg64Mcg::seed_from_u64(1);
+        let ring = ring(rng, 1e-12);
+        let start: Vec<Pose> = ring.truth.iter().map(|pose| random(rng, 0.2).compose(pose)).collect();
+        let start = [&ring.truth[..1], &start[1..]].concat();
+        let options = PoseGraphOptions { switch_distance: 10.0, ..PoseGraphOptions::default() };
+        let solved = solve_pose_graph(&start, &fixed(start.len()), &ring.edges, &options);
+        assert!(largest_error(&solved.node_from_world, &ring.truth) < 1e-6, "{}", solved.iterations);
+        assert!(solved.displacements.iter().all(|&off| off < 1e-6));
+    }
+
+    #[test]
+    fn loops_take_the_drift_out() {
+        for seed in 0..20 {
+            let ring = ring(&mut Pcg64Mcg::seed_from_u64(seed), 0.01);
+            let start = chained(&ring);
+            let solved = solve_pose_graph(&start, &fixed(start.len()), &ring.edges, &PoseGraphOptions::default());
+            let (before, after) =
+                (largest_error(&start, &ring.truth), largest_error(&solved.node_from_world, &ring.truth));
+            assert!(after < before, "seed {seed}: {before} -> {after}");
+        }
+    }
+
+    #[test]
+    fn a_wrong_loop_is_switched_off() {
+        let rng = &mut Pcg64Mcg::seed_from_u64(7);
+        let mut ring = ring(rng, 0.002);
+        let wrong = ring.edges.len() - 3;
+        let measured = &mut ring.edges[wrong].target_from_source;
+        *measured = exp(&[0.0, 0.9, 0.0, 0.8, 0.0, 0.4]).compose(measured);
+        let start = chained(&ring);
+        let solved = solve_pose_graph(&start, &fixed(start.len()), &ring.edges, &PoseGraphOptions::default());
+        let off = largest_error(&solved.node_from_world, &ring.truth);
+        assert!(off < 0.05, "{off}");
+        assert!(solved.shares[wrong] < 0.01, "{}", solved.shares[wrong]);
+        let others = solved.shares.iter().enumerate().filter(|&(at, _)| at != wrong).map(|(_, share)| *share);
+        assert!(others.fold(1.0, f64::min) > 0.5);
+    }
+
+    #[test]
+    fn what_nothing_ties_keeps_its_place_and_bad_edges_are_left_out() {
+        let ring = ring(&mut Pcg64Mcg::seed_from_u64(3), 1e-9);
+        let mut poses = ring.truth[..4].to_vec();
+        poses[2].translation += DVec3::new(0.1, 0.0, 0.0);
+        let mut edges = ring.edges[..2].to_vec();
+        edges.push(PoseEdge { source: 9, ..edges[0] });
+        edges.push(PoseEdge { source: 1, target: 1, ..edges[0] });
+        let solved = solve_pose_graph(&poses, &fixed(4), &edges, &PoseGraphOptions::default());
+        assert_eq!((solved.node_from_world[0], solved.node_from_world[3]), (poses[0], poses[3]));
+        assert!(solved.node_from_world[2].centre().distance(ring.truth[2].centre()) < 1e-6);
+    }
+}

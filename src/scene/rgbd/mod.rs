@@ -1,0 +1,28 @@
+//! RGB-D recordings without cameras → cameras: odometry, loops, pose graph, and the account of what was left out.
+//!
+//! May use: frames, geometry, engine::job, features and matches of scene::sfm, scene's points. Must not touch: Project, UI.
+
+mod account;
+mod agreement;
+mod align;
+mod between;
+mod error;
+mod forest;
+mod fragment;
+mod graph;
+mod join;
+mod link;
+mod odometry;
+mod options;
+mod overlap;
+mod pyramid;
+pub mod register;
+mod run;
+mod scan;
+#[cfg(test)]
+mod tests;
+mod view;
+
+pub use error::RgbdError;
+pub use options::RgbdOptions;
+pub use run::{RgbdRequest, RgbdResult, register_rgbd};

@@ -1,0 +1,7 @@
+//! Two views of a made room, and of two rooms that have nothing in common.
+
+mod descriptors;
+mod recovery;
+mod refinement;
+mod room;
+mod thinning;

@@ -1,0 +1,5 @@
+//! A made room, recorded by hand.
+
+mod aligning;
+mod recording;
+mod room;
