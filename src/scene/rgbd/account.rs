@@ -11,10 +11,13 @@ pub fn account(scans: &[Scan], tried: &[Tried], graph: &Graph, outcomes: &mut BT
     let components = Components::new(scans.len(), graph.holding().map(|link| link.scans));
     let size = |scan: usize| (0..scans.len()).filter(|&other| components.of(other) == components.of(scan)).count();
     for (at, scan) in scans.iter().enumerate() {
-        let outcome = match (graph.poses[at].is_some(), size(at)) {
-            (true, _) => registered(at, graph),
-            (false, 1) => unlike(at, scans, tried),
-            (false, frames) => Outcome::Apart { frames },
+        let outcome = if graph.poses[at].is_some() {
+            registered(at, graph)
+        } else {
+            match size(at) {
+                1 => unlike(at, scans, tried),
+                frames => Outcome::Apart { frames },
+            }
         };
         outcomes.insert(scan.frame, outcome);
     }

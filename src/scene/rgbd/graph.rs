@@ -40,9 +40,7 @@ impl Graph {
         };
         graph.add(tried.iter().cloned());
         if let Some(largest) = graph.fragments().first() {
-            for (&scan, &pose) in largest.scans.iter().zip(&largest.poses) {
-                graph.poses[scan] = Some(pose);
-            }
+            graph.place(largest, &Pose::IDENTITY);
         }
         graph.solve();
         graph
@@ -65,20 +63,27 @@ impl Graph {
         &self.tried
     }
 
-    /// Scans that links tie together, the largest group first: with the poses that are known, else along the links that
-    /// agree best.
+    /// The scans whose poses are known.
+    #[must_use]
+    pub fn whole(&self) -> Fragment {
+        let posed = self.poses.iter().enumerate().filter_map(|(scan, pose)| Some((scan, (*pose)?)));
+        let (scans, poses) = posed.unzip();
+        Fragment { scans, poses }
+    }
+
+    /// Scans without a pose that links tie together, the largest group first, each in a world of its own: its poses follow the
+    /// links that agree best.
     #[must_use]
     pub fn fragments(&self) -> Vec<Fragment> {
         let links: Vec<Link> = self.holding().copied().collect();
         let members = Components::new(self.poses.len(), links.iter().map(|link| link.scans)).members();
+        let open = members.into_iter().filter(|scans| scans.iter().all(|&scan| self.poses[scan].is_none()));
         let fragment = |scans: Vec<usize>| {
             let along = chained(self.poses.len(), &links, scans[0]);
-            let posed = scans.iter().all(|&scan| self.poses[scan].is_some());
-            let poses = if posed { &self.poses } else { &along };
-            let poses = scans.iter().map(|&scan| poses[scan].unwrap_or_default()).collect();
+            let poses = scans.iter().map(|&scan| along[scan].unwrap_or_default()).collect();
             Fragment { scans, poses }
         };
-        members.into_iter().map(fragment).collect()
+        open.map(fragment).collect()
     }
 
     /// Takes the poses of a fragment, of which it is known how it stands to the world.

@@ -27,24 +27,27 @@ const LEAST_SCANS: usize = 3;
 /// [`RgbdError::Stopped`].
 pub fn join(scans: &[Scan], graph: &mut Graph, options: &RgbdOptions, progress: &Progress) -> Result<(), RgbdError> {
     let typical = graph.typical_depth;
-    let mut open: Vec<Fragment> = graph.fragments().into_iter().skip(1).collect();
-    open.retain(|fragment| fragment.scans.len() >= LEAST_SCANS);
-    if open.is_empty() {
+    let mut fragments = graph.fragments();
+    fragments.retain(|fragment| fragment.scans.len() >= LEAST_SCANS);
+    if fragments.is_empty() {
         return Ok(());
     }
     progress.stage("join fragments")?;
     let describe = |cloud: &OrientedCloud| DescribedCloud::new(cloud, (VOXEL * typical) as f32, progress);
+    let mut open = Vec::with_capacity(fragments.len());
+    for fragment in fragments {
+        let cloud = fragment.cloud(scans);
+        open.push((describe(&cloud)?, cloud, fragment));
+    }
     // Each that is joined makes the whole larger, so that others may find their place: until none does.
     loop {
-        let Some(whole) = graph.fragments().into_iter().next() else { return Ok(()) };
-        let whole_cloud = whole.cloud(scans);
+        let whole_cloud = graph.whole().cloud(scans);
         let described = describe(&whole_cloud)?;
         let before = open.len();
         let mut still = Vec::new();
-        for fragment in open {
+        for (own, cloud, fragment) in open {
             progress.check()?;
-            let cloud = fragment.cloud(scans);
-            let clouds = [(&cloud, &describe(&cloud)?), (&whole_cloud, &described)];
+            let clouds = [(&cloud, &own), (&whole_cloud, &described)];
             let mut joined = false;
             for whole_from_fragment in guesses(clouds, typical, options, progress)? {
                 joined = witnessed(scans, graph, &fragment, &whole_from_fragment, progress);
@@ -53,7 +56,7 @@ pub fn join(scans: &[Scan], graph: &mut Graph, options: &RgbdOptions, progress: 
                 }
             }
             if !joined {
-                still.push(fragment);
+                still.push((own, cloud, fragment));
             }
         }
         if still.len() == before || still.is_empty() {

@@ -123,8 +123,11 @@ fn links(scans: &[Scan], request: &RgbdRequest<'_>, progress: &Progress) -> Resu
         let pairs = most_alike(&pooled, request.options.alike, &near);
         let place = |number: usize| scans.binary_search_by_key(&number, |scan| scan.frame).ok();
         let given = request.pairs.iter().filter_map(|&[a, b]| Some((place(a)?, place(b)?)));
-        let pairs: BTreeSet<(usize, usize)> = pairs.into_iter().chain(given).filter(|(a, b)| a != b).collect();
-        let pairs: Vec<[usize; 2]> = pairs.into_iter().map(|(a, b)| [a.min(b), a.max(b)]).collect();
+        let pairs = pairs.into_iter().chain(given).filter(|(a, b)| a != b);
+        let known: BTreeSet<[usize; 2]> = tried.iter().map(|(pair, _)| *pair).collect();
+        let ordered = pairs.into_iter().map(|(a, b)| [a.min(b), a.max(b)]);
+        let pairs: BTreeSet<[usize; 2]> = ordered.filter(|pair| !known.contains(pair)).collect();
+        let pairs: Vec<[usize; 2]> = pairs.into_iter().collect();
         tried.extend(loops(scans, &pairs, &matches, seed, progress)?);
     }
     Ok(tried)
