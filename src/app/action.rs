@@ -15,6 +15,8 @@ pub enum Action {
     Inspect,
     /// Dialog for more frames.
     AddFrames,
+    /// Dialog for frames whose files were moved.
+    Relocate,
     /// Chooses a folder of masks.
     ImportMasks,
     /// Dialog for exports.
@@ -287,8 +289,9 @@ const LIST: &[Row] = {
         A::Open, FILE, false, "Open project…", "Opens a project folder", ctrl(Key::O);
         A::Inspect, FILE, false, "Inspect PLY…", "Shows a labelled point cloud alone in 3-D", ctrl_shift(Key::O);
         A::AddFrames, FILE, true, "Add frames…", "Puts more frames at the end; nothing that is there changes", None;
-        A::ImportMasks, FILE, false, "Import masks…", "Reads palette PNGs from a folder; their frames become anchors", None;
-        A::Export, FILE, true, "Export…", "Writes cloud, cameras, masks or depths to files", ctrl(Key::E);
+        A::Relocate, FILE, false, "Frames were moved…", "Says where the files of frames are now that were moved", None;
+        A::ImportMasks, FILE, false, "Import masks…", "Reads masks from a folder; their frames become anchors", None;
+        A::Export, FILE, true, "Export…", "Writes cloud, mesh, traits, cameras, masks or depths to files", ctrl(Key::E);
         A::SaveRecipe, FILE, false, "Save history as recipe…", "Writes the steps so far as a recipe for 'ostra run'", None;
         A::Close, FILE, true, "Close project", "Closes the project; everything is already saved", ctrl(Key::W);
         A::Quit, FILE, false, "Quit", "Ends OSTRA; everything is already saved", ctrl(Key::Q);

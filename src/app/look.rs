@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use super::Layers;
 use crate::masks::RunMask;
-use crate::scene::LabelledCloud;
+use crate::scene::{LabelledCloud, LabelledMesh};
 use crate::session::{Engine, EngineKind, Estimate, JobView, Pictures, Project, SparseModel, Suggestion};
 
 /// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
@@ -15,6 +15,10 @@ pub struct Look<'a> {
     pub root: Option<&'a Path>,
     /// The labelled cloud: the project's, or the PLY that is inspected.
     pub cloud: Option<&'a Arc<LabelledCloud>>,
+    /// Whether a mesh was made with the cloud, which can be shown in the points' place.
+    pub has_surface: bool,
+    /// The triangles of the model shown; `None` where points are, or while they are loaded.
+    pub surface: Option<&'a Arc<LabelledMesh>>,
     /// Points of the depths that are being made.
     pub growing: Option<&'a Arc<LabelledCloud>>,
     /// What the cameras were found with, where that was structure from motion.

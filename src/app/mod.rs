@@ -31,5 +31,5 @@ pub use prefs::Prefs;
 pub use shell::Shell;
 pub use shortcuts::Shortcuts;
 pub use theme::set_theme;
-pub use view_state::{Dialog, Panes, ViewState};
+pub use view_state::{Dialog, Panes, Shown, ViewState};
 pub use window::{Window, run};

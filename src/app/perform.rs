@@ -1,13 +1,14 @@
 use egui::{Context, ThemePreference, ViewportCommand};
 
 use super::canvas::{clear_label, click_at};
+use super::dialogs::RelocateForm;
 use super::menu::is_possible;
 use super::panels::{Ruler, add_label, listed, pairs_in};
 use super::ranges::{is_range_change, next_doubtful, range_request, set_range, split_at};
-use super::view_state::{IntoWish, PathWish, SceneWish};
+use super::view_state::{IntoWish, PathWish, SceneWish, typed_path};
 use super::{Action, Dialog, Look, Panes, Severity, ViewState};
 use crate::masks::Direction;
-use crate::session::{Command, ReconstructRequest, TidyRequest};
+use crate::session::{Command, FuseRequest, ReconstructRequest, TidyRequest};
 use crate::view::Layer;
 
 /// Does an action: changes what is looked at, or hands out commands.
@@ -17,6 +18,7 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
     }
     if let Some(dialog) = dialog_of(action, look, view) {
         view.dialog = Some(dialog);
+        view.relocate = RelocateForm::of(&look.project.frames);
         view.path_text.clear();
         return;
     }
@@ -58,7 +60,10 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
             out.extend(view.ruler.command());
             view.ruler = Ruler::default();
         }
-        Action::Fuse => out.push(Command::Fuse(view.fuse.clone())),
+        Action::Fuse => {
+            let onto = typed_path(&view.onto_text);
+            out.push(Command::Fuse(FuseRequest { onto, ..view.fuse.clone() }));
+        }
         Action::Stop => out.push(Command::Stop),
         Action::Cancel => cancel(look, view, out),
         Action::ToggleTheme => toggle_theme(ctx),
@@ -82,6 +87,7 @@ fn dialog_of(action: Action, look: &Look<'_>, view: &ViewState) -> Option<Dialog
         }
         Action::NewProject => Dialog::NewProject,
         Action::AddFrames => Dialog::AddFrames,
+        Action::Relocate => Dialog::Relocate,
         Action::Export => Dialog::Export,
         Action::Palette => Dialog::Palette,
         Action::ShortcutSheet => Dialog::Shortcuts,

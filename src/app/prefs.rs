@@ -27,6 +27,8 @@ pub struct Prefs {
     pub point_size: f32,
     /// Whether camera frusta are drawn.
     pub frusta: bool,
+    /// Whether links between frames are drawn.
+    pub links: bool,
     /// Whether the grid of labels and frames is shown.
     pub timeline: bool,
     /// Confidence below which a frame is one to check, 0–1.
@@ -47,6 +49,7 @@ impl Default for Prefs {
             tidy_px: 64,
             point_size: 2.0,
             frusta: true,
+            links: false,
             timeline: true,
             doubt_below: 0.5,
         }

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::canvas::{Draft, Rest, Tool, ZoomState};
-use super::dialogs::{ExportForm, NewProjectForm, PathPicker, SheetState};
+use super::dialogs::{ExportForm, NewProjectForm, PathPicker, RelocateForm, SheetState};
 use super::panels::{LabelEditing, MatchView, PointCounts, Ruler};
 use super::presence::Presence;
 use super::{Look, Notices, Prefs};
-use crate::masks::{Direction, LabelId};
-use crate::session::{FuseRequest, PromptRequest, ReconstructRequest, TrackSettings};
+use crate::masks::{Direction, LabelId, MaskFormat};
+use crate::session::{FuseRequest, PromptRequest, ReconstructRequest, Surface, TrackSettings};
 use crate::view::{Coloring, Layer};
 
 /// All that belongs to looking and not to the project: the frame shown, the tool, the eye. Never saved with a project.
@@ -26,6 +26,8 @@ pub struct ViewState {
     pub hidden: BTreeSet<LabelId>,
     /// What the colours of points show.
     pub coloring: Coloring,
+    /// What is shown of the result.
+    pub shown: Shown,
     /// Taste, kept from one start to the next.
     pub prefs: Prefs,
     /// Zoom and place of the picture.
@@ -50,12 +52,18 @@ pub struct ViewState {
     pub pairs_text: String,
     /// Settings of the Fuse panel.
     pub fuse: FuseRequest,
+    /// What is typed there for a cloud to vote on.
+    pub onto_text: String,
     /// The dialog that is open.
     pub dialog: Option<Dialog>,
     /// Form of the new-project dialog, kept while the window lives.
     pub new_project: NewProjectForm,
     /// Form of the export dialog.
     pub export: ExportForm,
+    /// Form of the dialog for moved frames.
+    pub relocate: RelocateForm,
+    /// Kind of files that masks are read from.
+    pub mask_format: MaskFormat,
     /// What the file chooser is open for.
     pub picker: PathPicker,
     /// What is typed in a dialog that asks for one path.
@@ -96,6 +104,32 @@ pub struct ViewState {
     pub picture_middle_px: glam::DVec2,
 }
 
+/// What is shown of the result in the 3-D view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Shown {
+    /// Its points.
+    #[default]
+    Points,
+    /// The mesh, lit.
+    Mesh,
+    /// The sides of the mesh's triangles.
+    Wireframe,
+    /// The cubes that hold points.
+    Voxels,
+}
+
+impl Shown {
+    /// The triangles that are needed for it.
+    #[must_use]
+    pub fn surface(self) -> Option<Surface> {
+        match self {
+            Self::Points => None,
+            Self::Mesh | Self::Wireframe => Some(Surface::Mesh),
+            Self::Voxels => Some(Surface::Voxels),
+        }
+    }
+}
+
 /// What the 3-D view is asked to do once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SceneWish {
@@ -112,6 +146,8 @@ pub enum Dialog {
     NewProject,
     /// More frames for the open project.
     AddFrames,
+    /// The place of frames that were moved.
+    Relocate,
     /// Writing results to files.
     Export,
     /// The shortcut sheet.
@@ -171,6 +207,7 @@ impl ViewState {
             masks_shown: true,
             hidden: BTreeSet::new(),
             coloring: Coloring::Rgb,
+            shown: Shown::Points,
             prefs,
             zoom: ZoomState::default(),
             draft: Draft::default(),
@@ -183,9 +220,12 @@ impl ViewState {
             reconstruct: ReconstructRequest::default(),
             pairs_text: String::new(),
             fuse: FuseRequest::default(),
+            onto_text: String::new(),
             dialog: None,
             new_project: NewProjectForm::default(),
             export: ExportForm::default(),
+            relocate: RelocateForm::default(),
+            mask_format: MaskFormat::default(),
             picker: PathPicker::default(),
             path_text: String::new(),
             recipe_to: None,

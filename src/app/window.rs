@@ -114,6 +114,8 @@ impl Window {
             project,
             root: self.session.root(),
             cloud: self.session.cloud(),
+            has_surface: self.session.surface_voxel().is_some(),
+            surface: view.shown.surface().and_then(|surface| self.session.surface(surface)),
             growing: self.session.growing_cloud(),
             sparse: self.session.sparse(),
             inspected: self.session.inspected(),

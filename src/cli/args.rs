@@ -6,6 +6,7 @@ use glam::DVec2;
 use super::eval_args::EvalVerb;
 use super::mask_args::{GroundArgs, MasksArgs, PromptArgs, TidyArgs, TraceArgs};
 use super::values;
+use crate::frames::cameras::IntrinsicsSource;
 
 /// Turns pictures into labelled 3-D: click, track, reconstruct, vote, measure, export.
 #[derive(Debug, Parser)]
@@ -124,8 +125,8 @@ pub(super) struct SourceArgs {
     #[arg(long, value_name = "PATH")]
     pub cameras: Option<PathBuf>,
     /// For every frame, in pixels, centre of the top-left pixel at 0.5.
-    #[arg(long, value_name = "FX,FY,CX,CY", value_parser = values::intrinsics)]
-    pub intrinsics: Option<[f64; 4]>,
+    #[arg(long, value_name = "FX,FY,CX,CY|FILE", value_parser = values::intrinsics)]
+    pub intrinsics: Option<IntrinsicsSource>,
     /// Take every n-th source frame.
     #[arg(long, default_value = "1", value_name = "N", value_parser = values::from_one)]
     pub every: usize,
@@ -303,9 +304,12 @@ pub(super) struct ExportArgs {
     /// Pictures and masks without lens distortion, with a COLMAP model of their cameras.
     #[arg(long, value_name = "DIR")]
     pub undistorted: Option<PathBuf>,
-    /// Palette PNGs and labels.json.
+    /// Masks of all frames, with labels.json.
     #[arg(long, value_name = "DIR")]
     pub masks: Option<PathBuf>,
+    /// How masks are written: davis (palette PNGs), binary, coco or yolo.
+    #[arg(long, requires = "masks", value_parser = ["davis", "binary", "coco", "yolo"])]
+    pub mask_format: Option<String>,
     /// 32-bit float TIFFs in world units.
     #[arg(long, value_name = "DIR")]
     pub depths: Option<PathBuf>,

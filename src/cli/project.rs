@@ -94,6 +94,7 @@ pub(super) fn export(args: ExportArgs) -> Result<()> {
         camera_encoding: if args.binary { ModelEncoding::Binary } else { ModelEncoding::Text },
         undistorted: args.undistorted,
         masks: args.masks,
+        mask_format: args.mask_format,
         depths: args.depths,
         traits: args.traits,
         level: args.level,

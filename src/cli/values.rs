@@ -2,6 +2,8 @@ use std::str::FromStr;
 
 use glam::DVec2;
 
+use crate::frames::cameras::IntrinsicsSource;
+
 /// `X,Y` in pixels.
 pub(super) fn point(text: &str) -> Result<DVec2, String> {
     let [x, y] = numbers(text)?;
@@ -15,10 +17,15 @@ pub(super) fn px_box(text: &str) -> Result<[DVec2; 2], String> {
     if x0 == x1 || y0 == y1 { Err("the box has no area".into()) } else { Ok([a.min(b), a.max(b)]) }
 }
 
-/// `FX,FY,CX,CY` in pixels, focal lengths above 0.
-pub(super) fn intrinsics(text: &str) -> Result<[f64; 4], String> {
-    let values: [f64; 4] = numbers(text)?;
-    if values[0] > 0.0 && values[1] > 0.0 { Ok(values) } else { Err("focal lengths must be above 0".into()) }
+/// `FX,FY,CX,CY` in pixels, or a file, whose path does not depend on where it is read.
+pub(super) fn intrinsics(text: &str) -> Result<IntrinsicsSource, String> {
+    match text.parse()? {
+        IntrinsicsSource::File(path) => {
+            let path = std::path::absolute(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+            Ok(IntrinsicsSource::File(path))
+        }
+        values => Ok(values),
+    }
 }
 
 /// `WxH` in pixels, 16 to 8192 each.

@@ -9,25 +9,15 @@ use anyhow::{Context, Result};
 use super::jobs::{Kind, Landing};
 use super::store::{cloud_path, mesh_path, version_in_force, votes_path};
 use super::{Event, JobId, ResultKind, Session};
+use crate::scene::LabelledCloud;
 use crate::scene::fuse::{Votes, read_votes};
-use crate::scene::ply::{read_mesh, read_ply};
-use crate::scene::{LabelledCloud, LabelledMesh};
+use crate::scene::ply::read_ply;
 
 /// The labelled cloud that was loaded or made last.
 #[derive(Default)]
 pub(super) struct CloudSlot {
     loaded: Option<Loaded>,
     /// Somebody asked for the project's cloud since it was last loaded.
-    wanted: Cell<bool>,
-    /// The version that is being loaded or could not be.
-    tried: Option<u64>,
-}
-
-/// The surface that was loaded last.
-#[derive(Default)]
-pub(super) struct SurfaceSlot {
-    loaded: Option<(u64, Arc<LabelledMesh>)>,
-    /// Somebody asked for the project's surface since it was last loaded.
     wanted: Cell<bool>,
     /// The version that is being loaded or could not be.
     tried: Option<u64>,
@@ -44,6 +34,12 @@ impl CloudSlot {
     pub(super) fn put(&mut self, version: Option<u64>, cloud: LabelledCloud, votes: Option<Votes>) {
         self.tried = None;
         self.loaded = Some(Loaded { version, cloud: Arc::new(cloud), votes: votes.map(Arc::new) });
+    }
+
+    /// The project's cloud of this version with its votes, where it is in memory.
+    pub(super) fn in_force(&self, version: Option<u64>) -> Option<(Arc<LabelledCloud>, Arc<Votes>)> {
+        let loaded = self.loaded.as_ref().filter(|loaded| version.is_some() && loaded.version == version)?;
+        Some((Arc::clone(&loaded.cloud), loaded.votes.clone()?))
     }
 }
 
@@ -62,49 +58,10 @@ impl Session {
         self.loaded_cloud()?.votes.as_ref()
     }
 
-    /// Edge of the voxels of the surface that was made with the project's cloud, world units; `None` where there is no
-    /// cloud, or it has none (a cloud that was given).
-    #[must_use]
-    pub fn surface_voxel(&self) -> Option<f64> {
-        self.project()?.results.get(&ResultKind::Cloud)?.voxel
-    }
-
-    /// Where that surface lies.
+    /// Where the surface that was made with the cloud lies, and the edge of its voxels.
     pub(super) fn surface_file(&self) -> Option<(PathBuf, f64)> {
         let version = version_in_force(self.project()?, ResultKind::Cloud)?;
         Some((mesh_path(self.root()?, version), self.surface_voxel()?))
-    }
-
-    /// The surface that was made with the project's cloud. As [`Self::cloud`] it is loaded by a job when it is first asked
-    /// for.
-    #[must_use]
-    pub fn mesh(&self) -> Option<&Arc<LabelledMesh>> {
-        let version = version_in_force(self.project()?, ResultKind::Cloud)?;
-        self.surface_voxel()?;
-        let loaded = self.surface.loaded.as_ref().filter(|(of, _)| *of == version);
-        if loaded.is_none() {
-            self.surface.wanted.set(true);
-        }
-        loaded.map(|(_, mesh)| mesh)
-    }
-
-    /// Starts to load the surface that was asked for.
-    pub(super) fn load_wanted_mesh(&mut self) {
-        let version = self.project().and_then(|project| version_in_force(project, ResultKind::Cloud));
-        if !self.surface.wanted.take() || self.surface.tried == version {
-            return;
-        }
-        self.surface.tried = version;
-        let (Some(version), Some((path, _))) = (version, self.surface_file()) else { return };
-        self.start("Load mesh", Kind::Short, move |link| {
-            let mesh =
-                read_mesh(&path, &link.progress).context("the mesh of this step is not kept any more; fuse again")?;
-            Ok(Box::new(move |session: &mut Self| {
-                session.surface.loaded = Some((version, Arc::new(mesh)));
-                session.events.push(Event::CloudChanged);
-                Ok(())
-            }) as Landing)
-        });
     }
 
     fn loaded_cloud(&self) -> Option<&Loaded> {

@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::frames::cameras::ModelEncoding;
+use crate::frames::cameras::{IntrinsicsSource, ModelEncoding};
 use crate::masks::{Direction, LabelId, Prompt};
 
 /// A wish: all that window, command line and recipes can ask of a [`super::Session`].
@@ -114,9 +114,9 @@ pub struct NewProject {
     /// Cameras in one of the formats known.
     #[serde(default)]
     pub cameras: Option<PathBuf>,
-    /// fx, fy, cx, cy for every frame.
+    /// The same for every frame.
     #[serde(default)]
-    pub intrinsics: Option<[f64; 4]>,
+    pub intrinsics: Option<IntrinsicsSource>,
 }
 
 /// A prompt for one label on one frame.
@@ -402,9 +402,12 @@ pub struct ExportRequest {
     /// Pictures and masks without lens distortion, with their cameras.
     #[serde(default)]
     pub undistorted: Option<PathBuf>,
-    /// Palette PNGs and `labels.json`.
+    /// Folder for the masks.
     #[serde(default)]
     pub masks: Option<PathBuf>,
+    /// `davis` (palette PNGs and `labels.json`, when absent), `binary`, `coco` or `yolo`.
+    #[serde(default)]
+    pub mask_format: Option<String>,
     /// 32-bit float TIFFs.
     #[serde(default)]
     pub depths: Option<PathBuf>,

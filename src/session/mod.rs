@@ -21,6 +21,7 @@ mod hover;
 mod jobs;
 mod marks;
 mod models;
+mod on_demand;
 mod open_project;
 mod pictures;
 mod prepared;
@@ -32,6 +33,7 @@ mod sparse;
 mod stale;
 pub mod store;
 mod suggestion;
+mod surfaces;
 #[cfg(test)]
 mod tests;
 
@@ -55,3 +57,4 @@ pub use recent::Recent;
 pub use session::Session;
 pub use sparse::SparseModel;
 pub use suggestion::Suggestion;
+pub use surfaces::Surface;

@@ -86,6 +86,9 @@ pub struct ResultRecord {
     /// Edge of the voxels that the surface was made with, world units; `None` = the result has no surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub voxel: Option<f64>,
+    /// A cloud's: a digest of all that its points were made of. While it stays, changed masks only vote again.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<String>,
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference")]

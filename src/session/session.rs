@@ -5,14 +5,15 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 
-use super::cloud::{CloudSlot, SurfaceSlot};
+use super::cloud::CloudSlot;
 use super::commands::TrackRun;
 use super::growing::Growing;
 use super::hover::Hover;
 use super::jobs::{Job, Jobs, Kind, Landing};
+use super::on_demand::OnDemand;
 use super::prepared::PreparedFrames;
-use super::sparse::SparseSlot;
-use super::{Command, Edit, Event, JobId, JobView, OpenProject, Project, Recipe, Suggestion};
+use super::surfaces::Surfaces;
+use super::{Command, Edit, Event, JobId, JobView, OpenProject, Project, Recipe, SparseModel, Suggestion};
 use crate::frames::FrameStore;
 use crate::masks::RunMask;
 
@@ -35,9 +36,9 @@ pub struct Session {
     pub(super) events: Vec<Event>,
     pub(super) recipe: Recipe,
     pub(super) cloud: CloudSlot,
-    pub(super) surface: SurfaceSlot,
+    pub(super) surfaces: Surfaces,
     pub(super) growing: Growing,
-    pub(super) sparse: SparseSlot,
+    pub(super) sparse: OnDemand<u64, SparseModel>,
     pub(super) track: Option<TrackRun>,
     pub(super) prepared: Arc<PreparedFrames>,
     /// Name of the frame that was last asked to be made ready.
@@ -70,9 +71,9 @@ impl Session {
             events: Vec::new(),
             recipe: Recipe { format: 1, commands: Vec::new() },
             cloud: CloudSlot::default(),
-            surface: SurfaceSlot::default(),
+            surfaces: Surfaces::default(),
             growing: Growing::default(),
-            sparse: SparseSlot::default(),
+            sparse: OnDemand::default(),
             track: None,
             prepared: Arc::new(PreparedFrames::new(PREPARED_BYTES)),
             preparing: None,
@@ -164,8 +165,9 @@ impl Session {
         while let Some((job, result)) = self.jobs.take_ended() {
             self.take_result(job, result);
         }
+        self.gather_growing();
         self.load_wanted_cloud();
-        self.load_wanted_mesh();
+        self.load_wanted_surfaces();
         self.load_wanted_sparse();
         self.checkpoint_if_due();
         std::mem::take(&mut self.events)

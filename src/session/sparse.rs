@@ -1,4 +1,3 @@
-use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -6,10 +5,11 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use super::jobs::{Kind, Landing};
-use super::store::{load_outcomes, load_sparse, sparse_path, version_in_force};
+use super::store::{load_links, load_outcomes, load_sparse, sparse_path, version_in_force};
 use super::{Event, ResultKind, Session};
 use crate::frames::cameras::SparsePoints;
 use crate::scene::LabelledCloud;
+use crate::scene::rgbd::FrameLink;
 use crate::scene::sfm::Outcome;
 
 /// What the cameras were found with.
@@ -19,15 +19,17 @@ pub struct SparseModel {
     pub points: SparsePoints,
     /// By frame number, what became of it.
     pub outcomes: BTreeMap<usize, Outcome>,
+    /// What ties frames together, where depth does, by rising numbers.
+    pub links: Vec<FrameLink>,
     /// The points as a cloud without labels.
     pub cloud: Arc<LabelledCloud>,
     shared: BTreeMap<usize, BTreeMap<usize, usize>>,
 }
 
 impl SparseModel {
-    /// From points and what became of the frames.
+    /// From points, what became of the frames, and what ties them together where points do not.
     #[must_use]
-    pub fn new(points: SparsePoints, outcomes: BTreeMap<usize, Outcome>) -> Self {
+    pub fn new(points: SparsePoints, outcomes: BTreeMap<usize, Outcome>, links: Vec<FrameLink>) -> Self {
         let positions = points.points.iter().map(|point| point.position.as_vec3()).collect();
         let colors = points.points.iter().map(|point| point.color).collect();
         let cloud = Arc::new(LabelledCloud { colors, ..LabelledCloud::from_positions(positions) });
@@ -39,7 +41,7 @@ impl SparseModel {
                 }
             }
         }
-        Self { points, outcomes, cloud, shared }
+        Self { points, outcomes, links, cloud, shared }
     }
 
     /// The frames that see points of this one, with how many; the one with most first.
@@ -49,6 +51,16 @@ impl SparseModel {
         let mut ranked: Vec<(usize, usize)> = shared.map(|(&other, &count)| (other, count)).collect();
         ranked.sort_by_key(|&(other, count)| (std::cmp::Reverse(count), other));
         ranked
+    }
+
+    /// The links of this frame, those that hold and agree best first, each with the frame at its other end.
+    #[must_use]
+    pub fn linked(&self, frame: usize) -> Vec<(usize, FrameLink)> {
+        let own = self.links.iter().filter(|link| link.frames.contains(&frame));
+        let other = |link: &FrameLink| link.frames[usize::from(link.frames[0] == frame)];
+        let mut linked: Vec<(usize, FrameLink)> = own.map(|link| (other(link), *link)).collect();
+        linked.sort_by(|(_, a), (_, b)| b.holds.cmp(&a.holds).then(b.consistent.total_cmp(&a.consistent)));
+        linked
     }
 
     /// Where two frames see the same point: pixel in the one, pixel in the other, and the point's number.
@@ -61,45 +73,25 @@ impl SparseModel {
     }
 }
 
-/// The sparse model that was loaded last.
-#[derive(Default)]
-pub(super) struct SparseSlot {
-    loaded: Option<(u64, Arc<SparseModel>)>,
-    /// Somebody asked for the project's model since it was last loaded.
-    wanted: Cell<bool>,
-    /// The version that is being loaded.
-    tried: Option<u64>,
-}
-
 impl Session {
     /// The sparse model of the project's cameras where they were found by structure from motion. It is loaded by a job
     /// when it is first asked for: `None` until [`Event::SparseChanged`].
     #[must_use]
     pub fn sparse(&self) -> Option<&Arc<SparseModel>> {
         let version = self.project().and_then(|project| version_in_force(project, ResultKind::Cameras))?;
-        let loaded = self.sparse.loaded.as_ref().filter(|(loaded, _)| *loaded == version);
-        if loaded.is_none() {
-            self.sparse.wanted.set(true);
-        }
-        loaded.map(|(_, model)| model)
+        self.sparse.get(version)
     }
 
     /// Starts to load the model that was asked for.
     pub(super) fn load_wanted_sparse(&mut self) {
-        let Some(project) = self.project().cloned() else { return };
-        let version = version_in_force(&project, ResultKind::Cameras);
-        if !self.sparse.wanted.take() || version.is_none() || self.sparse.tried == version {
-            return;
-        }
-        self.sparse.tried = version;
-        let (Some(version), Some(root)) = (version, self.root().map(Path::to_owned)) else { return };
+        let Some(version) = self.sparse.next_wanted() else { return };
+        let (Some(project), Some(root)) = (self.project().cloned(), self.root().map(Path::to_owned)) else { return };
         self.start("Load sparse points", Kind::Background, move |_| {
             let points = load_sparse(&root, &project);
-            let outcomes = load_outcomes(&sparse_path(&root, version))?;
-            let model = Arc::new(SparseModel::new(points, outcomes));
+            let folder = sparse_path(&root, version);
+            let model = Arc::new(SparseModel::new(points, load_outcomes(&folder)?, load_links(&folder)?));
             Ok(Box::new(move |session: &mut Self| {
-                session.sparse.loaded = Some((version, model));
-                session.sparse.tried = None;
+                session.sparse.put(version, model);
                 session.events.push(Event::SparseChanged);
                 Ok(())
             }) as Landing)
@@ -121,7 +113,7 @@ mod tests {
             (1, vec![keypoint(3.0, None), keypoint(4.0, Some(0))]),
             (5, vec![keypoint(5.0, Some(1)), keypoint(6.0, Some(0))]),
         ]);
-        let model = SparseModel::new(SparsePoints { points: vec![point; 2], keypoints }, BTreeMap::new());
+        let model = SparseModel::new(SparsePoints { points: vec![point; 2], keypoints }, BTreeMap::new(), Vec::new());
         assert_eq!(model.neighbours(0), [(5, 2), (1, 1)]);
         assert_eq!(model.matches(1, 5), [(DVec2::new(4.0, 0.5), DVec2::new(6.0, 0.5), 0)]);
         assert_eq!(model.cloud.colors, [[1, 2, 3]; 2]);

@@ -9,7 +9,7 @@ use crate::scene::LabelledMesh;
 /// Rows that one task fills.
 const BAND: usize = 32;
 /// Light on a surface that is seen along itself; one seen from straight above has 1.
-const AMBIENT: f32 = 0.35;
+pub(super) const AMBIENT: f32 = 0.35;
 
 /// A vertex as the camera sees it.
 struct Corner {
@@ -25,7 +25,7 @@ struct Corner {
 pub fn draw_mesh(mesh: &LabelledMesh, camera: &ViewCamera, style: &RasterStyle) -> Image {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let labels = LabelColors::new(&mesh.vertices.tree, &style.hidden);
-    let eye = camera.camera_from_world.inverse().w_axis.truncate();
+    let eye = camera.place();
     let corners: Vec<Option<Corner>> = (0..mesh.vertices.len())
         .into_par_iter()
         .map(|vertex| {

@@ -121,6 +121,12 @@ impl ViewCamera {
         Some((x.truncate() / x.z * self.focal_px + centre, x.z))
     }
 
+    /// Where the camera is, in world space.
+    #[must_use]
+    pub fn place(&self) -> Vec3 {
+        self.camera_from_world.inverse().w_axis.truncate()
+    }
+
     /// The world point at a pixel position and depth.
     #[must_use]
     pub fn unproject(&self, at_px: Vec2, depth: f32) -> Vec3 {

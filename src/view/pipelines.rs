@@ -1,6 +1,7 @@
 use wgpu::util::DeviceExt;
 
-use super::points::EyeUniform;
+use super::points::{EyeUniform, PointInstance};
+use super::surface_chunks::SurfaceVertex;
 
 pub(super) const COLOR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
@@ -9,9 +10,36 @@ pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth3
 pub(super) struct Pipelines {
     pub points: wgpu::RenderPipeline,
     pub lines: wgpu::RenderPipeline,
+    pub surface: wgpu::RenderPipeline,
+    pub edges: wgpu::RenderPipeline,
     pub eye: wgpu::Buffer,
     pub bindings: wgpu::BindGroup,
 }
+
+/// What a pipeline draws and how its vertices lie in memory.
+struct Shape {
+    topology: wgpu::PrimitiveTopology,
+    step_mode: wgpu::VertexStepMode,
+    stride: usize,
+    attributes: &'static [wgpu::VertexAttribute],
+}
+
+const POINT: &[wgpu::VertexAttribute] = &wgpu::vertex_attr_array![0 => Float32x3, 1 => Unorm8x4];
+const DISCS: Shape = Shape {
+    topology: wgpu::PrimitiveTopology::TriangleStrip,
+    step_mode: wgpu::VertexStepMode::Instance,
+    stride: size_of::<PointInstance>(),
+    attributes: POINT,
+};
+const LINES: Shape =
+    Shape { topology: wgpu::PrimitiveTopology::LineList, step_mode: wgpu::VertexStepMode::Vertex, ..DISCS };
+const TRIANGLES: Shape = Shape {
+    topology: wgpu::PrimitiveTopology::TriangleList,
+    step_mode: wgpu::VertexStepMode::Vertex,
+    stride: size_of::<SurfaceVertex>(),
+    attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Unorm8x4, 2 => Snorm16x4],
+};
+const EDGES: Shape = Shape { topology: wgpu::PrimitiveTopology::LineList, ..TRIANGLES };
 
 impl Pipelines {
     pub(super) fn new(device: &wgpu::Device) -> Self {
@@ -38,9 +66,16 @@ impl Pipelines {
             layout: &layout,
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: eye.as_entire_binding() }],
         });
-        let points = pipeline(device, &layout, wgpu::include_wgsl!("shaders/points.wgsl"), true);
-        let lines = pipeline(device, &layout, wgpu::include_wgsl!("shaders/lines.wgsl"), false);
-        Self { points, lines, eye, bindings }
+        let made = |shader, shape| pipeline(device, &layout, shader, shape);
+        let surface = || wgpu::include_wgsl!("shaders/surface.wgsl");
+        Self {
+            points: made(wgpu::include_wgsl!("shaders/points.wgsl"), &DISCS),
+            lines: made(wgpu::include_wgsl!("shaders/lines.wgsl"), &LINES),
+            surface: made(surface(), &TRIANGLES),
+            edges: made(surface(), &EDGES),
+            eye,
+            bindings,
+        }
     }
 }
 
@@ -48,7 +83,7 @@ fn pipeline(
     device: &wgpu::Device,
     bindings: &wgpu::BindGroupLayout,
     shader: wgpu::ShaderModuleDescriptor<'_>,
-    discs: bool,
+    shape: &Shape,
 ) -> wgpu::RenderPipeline {
     let label = shader.label;
     let module = device.create_shader_module(shader);
@@ -57,12 +92,6 @@ fn pipeline(
         bind_group_layouts: &[Some(bindings)],
         immediate_size: 0,
     });
-    let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Unorm8x4];
-    let (step_mode, topology) = if discs {
-        (wgpu::VertexStepMode::Instance, wgpu::PrimitiveTopology::TriangleStrip)
-    } else {
-        (wgpu::VertexStepMode::Vertex, wgpu::PrimitiveTopology::LineList)
-    };
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label,
         layout: Some(&layout),
@@ -70,9 +99,13 @@ fn pipeline(
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[Some(wgpu::VertexBufferLayout { array_stride: 16, step_mode, attributes: &attributes })],
+            buffers: &[Some(wgpu::VertexBufferLayout {
+                array_stride: shape.stride as u64,
+                step_mode: shape.step_mode,
+                attributes: shape.attributes,
+            })],
         },
-        primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+        primitive: wgpu::PrimitiveState { topology: shape.topology, ..Default::default() },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH_FORMAT,
             depth_write_enabled: Some(true),

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use super::coloring::{Coloring, LabelColors, point_color};
 use crate::scene::LabelledCloud;
 
-/// What both shaders know of the camera.
+/// What all shaders know of the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct EyeUniform {
@@ -13,6 +13,8 @@ pub(super) struct EyeUniform {
     pub view: [f32; 4],
     /// Smallest and largest disc radius in pixels, two unused.
     pub disc: [f32; 4],
+    /// Where the camera is, and the light on a surface that is seen along itself.
+    pub place: [f32; 4],
 }
 
 /// One point on the GPU; opacity 0 = not drawn. Lines have the same layout.

@@ -12,7 +12,7 @@ use ostra::app::{Layers, Look, Prefs, Shell};
 use ostra::frames::{Frame, FrameCamera, Image, Orientation, PictureSource};
 use ostra::geometry::{Camera, Pose};
 use ostra::masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
-use ostra::scene::LabelledCloud;
+use ostra::scene::{LabelledCloud, LabelledMesh};
 use ostra::session::{
     Command, Engine, FrameMask, JobView, MaskOrigin, Pictures, Project, SparseModel, Suggestion, engines,
 };
@@ -26,6 +26,7 @@ pub struct Desk {
     pub project: Project,
     pub root: Option<PathBuf>,
     pub cloud: Option<Arc<LabelledCloud>>,
+    pub surface: Option<Arc<LabelledMesh>>,
     pub sparse: Option<Arc<SparseModel>>,
     pub inspected: Option<PathBuf>,
     pub pictures: Pictures,
@@ -48,6 +49,7 @@ impl Desk {
             project: Project::default(),
             root: None,
             cloud: None,
+            surface: None,
             sparse: None,
             inspected: None,
             pictures: Pictures::new(|frame| Ok(Arc::new(picture(frame))), || {}),
@@ -77,6 +79,8 @@ impl Desk {
     pub fn ui(&mut self, ui: &mut Ui) {
         let look = Look {
             growing: None,
+            has_surface: self.surface.is_some(),
+            surface: self.surface.as_ref(),
             project: &self.project,
             root: self.root.as_deref(),
             cloud: self.cloud.as_ref(),

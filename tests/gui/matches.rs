@@ -29,7 +29,7 @@ fn sparse() -> SparseModel {
         (2, Outcome::FewPoints { seen: 7, needed: 30, nearest: Some((1, 19)) }),
         (3, placed(15)),
     ]);
-    SparseModel::new(points, outcomes)
+    SparseModel::new(points, outcomes, Vec::new())
 }
 
 fn with_sparse() -> Desk {
@@ -48,7 +48,7 @@ fn the_window_tells_why_a_frame_has_no_camera_and_goes_to_it() {
     harness.get_by_label_contains("2  002.png").click();
     harness.run_steps(3);
     assert_eq!(harness.state().shell.view.frame, 2);
-    harness.get_by_label("Frame 2 shares no points with another frame.");
+    harness.get_by_label("Nothing ties frame 2 to another frame.");
 }
 
 #[test]

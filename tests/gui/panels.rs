@@ -1,9 +1,11 @@
 //! Panels around the picture.
 
+use std::sync::Arc;
+
 use egui_kittest::kittest::{NodeT, Queryable};
-use ostra::app::{Panes, Severity};
+use ostra::app::{Panes, Severity, Shown};
 use ostra::masks::{Apartness, LabelId, PxBox};
-use ostra::session::{Command, Suggestion, TrackSettings};
+use ostra::session::{Command, Suggestion, Surface, TrackSettings};
 
 use crate::desk::{Desk, labels};
 
@@ -166,6 +168,28 @@ fn inspecting_a_cloud_shows_only_the_3d_view_and_its_labels() {
     assert!(harness.query_by_label("3-D view").is_some());
     assert!(harness.query_by_label("Hide leaf").is_some());
     assert!(harness.query_by_label("Reconstruct").is_none());
+}
+
+#[test]
+fn a_result_with_a_surface_can_be_shown_as_mesh_wires_or_voxels() {
+    assert!(Desk::sample().shown().query_by_label("Shown model").is_none(), "a cloud alone has no other form");
+    let mut desk = Desk::sample();
+    desk.surface = Some(Arc::default());
+    let mut harness = desk.shown();
+    let forms = [
+        ("Mesh", Shown::Mesh, Some(Surface::Mesh)),
+        ("Wireframe", Shown::Wireframe, Some(Surface::Mesh)),
+        ("Voxels", Shown::Voxels, Some(Surface::Voxels)),
+        ("Points", Shown::Points, None),
+    ];
+    for (name, shown, needed) in forms {
+        harness.get_by_label("Shown model").click();
+        harness.run_steps(2);
+        harness.get_all_by_label(name).last().unwrap().click();
+        harness.run_steps(2);
+        let now = harness.state().shell.view.shown;
+        assert_eq!((now, now.surface()), (shown, needed));
+    }
 }
 
 #[test]

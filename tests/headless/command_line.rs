@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use image::{GrayImage, ImageBuffer, Luma, RgbImage};
-use ostra::masks::read_palette_png;
+use ostra::engine::job::Progress;
+use ostra::masks::{LabelId, read_palette_png};
+use ostra::scene::ply::{Coloring, read_ply, save_ply};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -166,6 +168,49 @@ fn the_whole_way_on_the_command_line() {
     .unwrap();
     assert_eq!(cameras["error"]["count"], 4);
     assert!(cameras["error"]["centre"]["max"].as_f64().unwrap() < 1e-9, "{cameras}");
+}
+
+/// Colours and labels of the project's cloud and of its mesh's vertices.
+fn fused(project: &str) -> [(Vec<[u8; 3]>, Vec<LabelId>); 2] {
+    let of = |file: &str| read_ply(&Path::new(project).join(file), &Progress::default()).unwrap().cloud;
+    ["cloud.ply", "mesh.ply"].map(of).map(|cloud| (cloud.colors, cloud.labels))
+}
+
+#[test]
+fn after_a_correction_only_masks_vote_and_what_comes_is_what_all_anew_gives() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&["track", &project, "--tracker", "geometry"]);
+    done(&["fuse", &project, "--voxel", "0.01"]);
+    let first = fused(&project);
+
+    // A point's colour is made from pictures alone: if it stays what we make it, no picture was read.
+    let versions = Path::new(&project).join("versions");
+    let file = std::fs::read_dir(versions).unwrap().map(|entry| entry.unwrap().path());
+    let file = file.into_iter().find(|path| path.to_str().unwrap().contains("cloud-")).unwrap();
+    let mut marked = read_ply(&file, &Progress::default()).unwrap().cloud;
+    marked.colors[7] = [1, 2, 3];
+    save_ply(&file, &marked, Coloring::Picture, &Progress::default()).unwrap();
+
+    for frame in ["0", "2", "3"] {
+        done(&["prompt", &project, "--frame", frame, "--label", "thing", "--click", "50,10"]);
+    }
+    done(&["fuse", &project, "--voxel", "0.01"]);
+    let voted = fused(&project);
+    assert_eq!(voted[0].0[7], [1, 2, 3]);
+    assert!(voted[0].1 != first[0].1 && voted[1].1 != first[1].1, "other masks, other labels");
+
+    // A depth file that was written again may be another one: points are made anew.
+    let depth = std::fs::File::options().append(true).open(recording.path("depth/2.png")).unwrap();
+    depth.set_modified(std::time::SystemTime::UNIX_EPOCH).unwrap();
+    done(&["fuse", &project, "--voxel", "0.01"]);
+    let anew = fused(&project);
+    assert_eq!(anew[0].0[7], first[0].0[7]);
+    assert!(anew[0].1 == voted[0].1 && anew[1] == voted[1]);
+    done(&["fuse", &project, "--voxel", "0.02"]);
+    assert!(fused(&project)[0].1.len() < anew[0].1.len(), "another voxel size, other points");
 }
 
 #[test]

@@ -25,6 +25,8 @@ mod frames;
 #[cfg(test)]
 mod fuse;
 #[cfg(test)]
+mod layouts;
+#[cfg(test)]
 mod long_films;
 #[cfg(test)]
 mod masks;

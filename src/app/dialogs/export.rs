@@ -1,9 +1,11 @@
 use egui::{DragValue, Ui};
 
+use super::mask_format::{mask_format_name, mask_format_ui};
 use super::picker::{Pick, PickTarget, path_field_ui};
 use crate::app::tips::{modal, section_heading};
 use crate::app::view_state::typed_path;
 use crate::app::{Look, ViewState};
+use crate::masks::MaskFormat;
 use crate::scene::formats::{MeshFormat, VoxelFormat};
 use crate::session::{Command, ExportRequest, ResultKind};
 
@@ -18,9 +20,11 @@ pub struct ExportForm {
     masks: bool,
     cameras: bool,
     depths: bool,
+    traits: bool,
     twin: bool,
     per_label: bool,
     level: usize,
+    mask_format: MaskFormat,
     mesh_format: MeshFormat,
     voxel_format: VoxelFormat,
     /// Of the mesh's triangles, percent.
@@ -37,9 +41,11 @@ impl Default for ExportForm {
             masks: false,
             cameras: false,
             depths: false,
+            traits: false,
             twin: false,
             per_label: false,
             level: 0,
+            mask_format: MaskFormat::default(),
             mesh_format: MeshFormat::default(),
             voxel_format: VoxelFormat::default(),
             kept: 100,
@@ -77,16 +83,18 @@ impl ExportForm {
             mesh: path(self.mesh, has.surface, &self.mesh_name()),
             voxels: path(self.voxels, has.surface, &self.voxels_name()),
             masks: path(self.masks, has.masks, "masks"),
+            mask_format: (self.masks && has.masks).then(|| mask_format_name(self.mask_format).into()),
             cameras: path(self.cameras, has.cameras, "sparse"),
             depths: path(self.depths, has.depths, "depths"),
+            traits: path(self.traits, has.cloud, "traits.csv"),
             level: (self.level > 0).then_some(self.level),
             twin: self.twin,
             per_label: self.per_label,
             simplify: (self.mesh && has.surface && self.kept < 100).then(|| f64::from(self.kept) / 100.0),
             ..ExportRequest::default()
         };
-        let ExportRequest { cloud, mesh, voxels, masks, cameras, depths, .. } = &request;
-        let anything = [cloud, mesh, voxels, masks, cameras, depths].iter().any(|path| path.is_some());
+        let ExportRequest { cloud, mesh, voxels, masks, cameras, depths, traits, .. } = &request;
+        let anything = [cloud, mesh, voxels, masks, cameras, depths, traits].iter().any(|path| path.is_some());
         anything.then_some(request)
     }
 
@@ -136,7 +144,8 @@ fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
         (&mut form.cloud, has.cloud, "Labelled cloud", "cloud.ply", "Fuse first"),
         (&mut form.mesh, has.surface, "Mesh", mesh.as_str(), "Fuse depths first"),
         (&mut form.voxels, has.surface, "Voxels", voxels.as_str(), "Fuse depths first"),
-        (&mut form.masks, has.masks, "Masks", "masks/ palette PNGs and labels.json", "There are no masks yet"),
+        (&mut form.traits, has.cloud, "Traits", "traits.csv, measures of each label", "Fuse first"),
+        (&mut form.masks, has.masks, "Masks", "masks/, a file a frame or one for all", "There are no masks yet"),
         (&mut form.cameras, has.cameras, "Cameras", "sparse/ COLMAP text model", "There are no cameras yet"),
         (&mut form.depths, has.depths, "Depths", "depths/ 32-bit float TIFFs", "There are no depths yet"),
     ];
@@ -155,6 +164,10 @@ fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
     ui.checkbox(&mut form.twin, "Twin in label colours").on_hover_text(tip);
     ui.checkbox(&mut form.per_label, "One file per label too")
         .on_hover_text("Writes each label's points into a file of their own");
+    ui.horizontal(|ui| {
+        ui.label("Masks as");
+        mask_format_ui(ui, "Mask format", &mut form.mask_format);
+    });
     ui.horizontal(|ui| {
         ui.label("Mesh as");
         format_ui(ui, "Mesh format", &mut form.mesh_format, MeshFormat::ALL, MeshFormat::ending);
@@ -225,6 +238,9 @@ mod tests {
         let request = form.request(&Available { surface: true, ..has }).unwrap();
         assert_eq!((request.mesh, request.simplify), (Some("/out/mesh.glb".into()), Some(0.25)));
         let has = Available { cloud: true, surface: false, masks: true, cameras: true, depths: false };
+        (form.mask_format, form.traits) = (MaskFormat::Coco, true);
+        let request = form.request(&has).unwrap();
+        assert_eq!((request.mask_format.as_deref(), request.traits), (Some("coco"), Some("/out/traits.csv".into())));
         form.into.clear();
         assert!(form.request(&has).is_none());
     }

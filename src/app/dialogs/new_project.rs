@@ -8,6 +8,7 @@ use crate::app::tips::{field, modal, section_heading};
 use crate::app::view_state::typed_path;
 use crate::app::{Dialog, ViewState};
 use crate::frames::OpenRequest;
+use crate::frames::cameras::IntrinsicsSource;
 use crate::session::{Command, NewProject};
 
 /// The dialog for a new project (and for more frames) as typed so far.
@@ -92,13 +93,13 @@ impl NewProjectForm {
         })
     }
 
-    fn intrinsics(&self) -> Result<Option<[f64; 4]>, String> {
-        if self.intrinsics.trim().is_empty() {
-            return Ok(None);
-        }
-        let numbers: Result<Vec<f64>, _> = self.intrinsics.split(',').map(|part| part.trim().parse::<f64>()).collect();
-        let four = numbers.ok().and_then(|numbers| <[f64; 4]>::try_from(numbers).ok());
-        four.map(Some).ok_or_else(|| "Intrinsics are four numbers: fx, fy, cx, cy".into())
+    fn intrinsics(&self) -> Result<Option<IntrinsicsSource>, String> {
+        let text = self.intrinsics.trim();
+        let source = (!text.is_empty()).then(|| text.parse()).transpose()?;
+        Ok(source.map(|source| match source {
+            IntrinsicsSource::File(path) => IntrinsicsSource::File(typed_path(text).unwrap_or(path)),
+            values => values,
+        }))
     }
 }
 
@@ -136,7 +137,11 @@ fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
     });
     ui.end_row();
     field(ui, "Intrinsics", "fx, fy, cx, cy in pixels for every frame; may stay empty", |ui| {
-        ui.add(TextEdit::singleline(&mut form.intrinsics).hint_text("fx, fy, cx, cy").desired_width(360.0));
+        ui.add(
+            TextEdit::singleline(&mut form.intrinsics)
+                .hint_text("fx, fy, cx, cy, or a file of them")
+                .desired_width(360.0),
+        );
     });
     if new {
         let hint = form.suggested_root().map_or("folder of the project".into(), |path| path.display().to_string());
@@ -207,10 +212,16 @@ mod tests {
     }
 
     #[test]
-    fn intrinsics_are_four_numbers_or_nothing() {
+    fn intrinsics_are_four_numbers_or_a_file_or_nothing() {
         let mut form = NewProjectForm::with_frames("/a".into());
         form.intrinsics = "500, 500, 320.5, 240".into();
-        assert_eq!(form.request(true).unwrap().intrinsics, Some([500.0, 500.0, 320.5, 240.0]));
+        assert_eq!(
+            form.request(true).unwrap().intrinsics,
+            Some(IntrinsicsSource::Values([500.0, 500.0, 320.5, 240.0]))
+        );
+        form.intrinsics = "/recording/intrinsic.json".into();
+        let file = Some(IntrinsicsSource::File("/recording/intrinsic.json".into()));
+        assert_eq!(form.request(true).unwrap().intrinsics, file);
         form.intrinsics = "500, x".into();
         assert!(form.request(true).unwrap_err().contains("four numbers"));
     }

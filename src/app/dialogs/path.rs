@@ -1,5 +1,6 @@
 use egui::{Key, Ui};
 
+use super::mask_format::{mask_format_name, mask_format_ui};
 use super::picker::{Pick, PickTarget, path_field_ui};
 use crate::app::ViewState;
 use crate::app::tips::modal;
@@ -26,6 +27,13 @@ pub(in crate::app) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out
             let edit = path_field_ui(ui, &mut view.picker, name, &mut view.path_text, target);
             done = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
         });
+        if wish == PathWish::ImportMasks {
+            ui.add_space(8.0);
+            ui.horizontal(|ui| {
+                ui.label("Written as");
+                mask_format_ui(ui, "Kind of masks", &mut view.mask_format);
+            });
+        }
         ui.add_space(12.0);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
             let typed = !view.path_text.trim().is_empty();
@@ -39,7 +47,10 @@ pub(in crate::app) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out
         match wish {
             PathWish::OpenProject => out.push(Command::Open(path)),
             PathWish::InspectPly => out.push(Command::Inspect(path)),
-            PathWish::ImportMasks => out.push(Command::ImportMasks { dir: path, format: "davis".into() }),
+            PathWish::ImportMasks => {
+                let format = mask_format_name(view.mask_format).into();
+                out.push(Command::ImportMasks { dir: path, format });
+            }
             PathWish::SaveRecipe => view.recipe_to = Some(path),
         }
     }
@@ -53,7 +64,7 @@ fn texts(wish: PathWish) -> Texts {
         PathWish::OpenProject => ("Open project", "Project folder", "folder with a project.toml", "Open", Pick::Folder),
         PathWish::InspectPly => ("Inspect PLY", "PLY file", "labelled point cloud (.ply)", "Open", Pick::File),
         PathWish::ImportMasks => {
-            ("Import masks", "Masks folder", "folder of palette PNGs, one a frame", "Import", Pick::Folder)
+            ("Import masks", "Masks folder", "folder that holds the masks", "Import", Pick::Folder)
         }
         PathWish::SaveRecipe => ("Save history as recipe", "Recipe file", "file to write (.json)", "Save", Pick::Save),
     };

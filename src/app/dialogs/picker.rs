@@ -31,13 +31,19 @@ pub(in crate::app) enum PickTarget {
     Root,
     /// Folder to export into.
     ExportInto,
+    /// The cloud whose points are voted on.
+    Onto,
+    /// Folder that moved frames were in.
+    MovedFrom,
+    /// Folder that they are in now.
+    MovedTo,
     /// The path of a dialog with nothing but a path.
     Path(PathWish),
 }
 
 /// What the chooser offers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Pick {
+pub(in crate::app) enum Pick {
     /// A folder.
     Folder,
     /// A file that exists.
@@ -92,12 +98,15 @@ pub(in crate::app) fn take_picked(ctx: &Context, view: &mut ViewState) {
         PickTarget::Cameras => view.new_project.cameras = text,
         PickTarget::Root => view.new_project.root = text,
         PickTarget::ExportInto => view.export.into = text,
+        PickTarget::Onto => view.onto_text = text,
+        PickTarget::MovedFrom => view.relocate.from = text,
+        PickTarget::MovedTo => view.relocate.to = text,
         PickTarget::Path(_) => view.path_text = text,
     }
 }
 
 /// A path to type, with a button for the system's chooser.
-pub(super) fn path_field_ui(
+pub(in crate::app) fn path_field_ui(
     ui: &mut Ui,
     picker: &mut PathPicker,
     (name, hint): (&str, &str),

@@ -1,6 +1,7 @@
 use egui::{DragValue, Ui};
 
 use super::jobs::{progress_text, run_button_ui};
+use crate::app::dialogs::{Pick, PickTarget, path_field_ui};
 use crate::app::tips::field;
 use crate::app::{Action, Look, ViewState};
 
@@ -14,6 +15,11 @@ pub(in crate::app) fn fuse_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState
             if ui.add(drag).changed() {
                 view.fuse.min_confidence = (percent > 0.0).then_some(percent / 100.0);
             }
+        });
+        let tip = "Vote on the points of this cloud instead of making points; may stay empty";
+        field(ui, "Onto cloud", tip, |ui| {
+            let (name, target) = (("Cloud to vote on", "labelled PLY, or empty"), (Pick::File, PickTarget::Onto));
+            path_field_ui(ui, &mut view.picker, name, &mut view.onto_text, target);
         });
     });
     let tip = "Leaves out points that no mask names";

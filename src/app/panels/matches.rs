@@ -4,6 +4,7 @@ use glam::DVec2;
 use super::outcomes::outcomes_ui;
 use crate::app::textures::Textures;
 use crate::app::{Look, ViewState};
+use crate::scene::rgbd::{FrameLink, LinkKind};
 use crate::session::SparseModel;
 
 /// What the window of cameras and matches shows.
@@ -28,7 +29,7 @@ pub(in crate::app) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState,
     let middle = ui.ctx().content_rect().center() - Vec2::new(490.0, 290.0);
     window.default_pos(middle).show(ui.ctx(), |ui| {
         let Some(sparse) = look.sparse else {
-            ui.label("What the cameras were found with is shown here once structure from motion has found them.");
+            ui.label("What the cameras were found with is shown here once they were found.");
             return;
         };
         let margin = egui::Margin { right: 8, ..egui::Margin::ZERO };
@@ -47,16 +48,17 @@ pub(in crate::app) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState,
 }
 
 fn pair_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Textures, sparse: &SparseModel) {
-    let neighbours = sparse.neighbours(view.frame);
-    let known = |&other: &usize| neighbours.iter().any(|&(frame, _)| frame == other);
-    let Some(other) = view.matches.other.filter(known).or(neighbours.first().map(|&(frame, _)| frame)) else {
-        ui.label(format!("Frame {} shares no points with another frame.", view.frame));
+    let partners = partners(sparse, view.frame);
+    let known = |&other: &usize| partners.iter().any(|&(frame, _)| frame == other);
+    let Some(other) = view.matches.other.filter(known).or(partners.first().map(|&(frame, _)| frame)) else {
+        ui.label(format!("Nothing ties frame {} to another frame.", view.frame));
         return;
     };
+    let by_points = sparse.links.is_empty();
     ui.horizontal(|ui| {
         ui.label(format!("Frame {} with", view.frame));
-        other_ui(ui, view, &neighbours, other);
-        for (error_px, text) in [(0.0, "exact"), (BAD_PX, "2 px off or more")] {
+        other_ui(ui, view, &partners, other);
+        for (error_px, text) in [(0.0, "exact"), (BAD_PX, "2 px off or more")].into_iter().filter(|_| by_points) {
             ui.colored_label(error_color(error_px), text).on_hover_text("Colour of a line: its point's mean error");
         }
     });
@@ -84,6 +86,26 @@ fn pair_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Te
     }
 }
 
+/// The frames that hold this one, in words, the best first: by depth, else by points that both see.
+fn partners(sparse: &SparseModel, frame: usize) -> Vec<(usize, String)> {
+    let linked = |(other, link): (usize, FrameLink)| {
+        let kind = match link.kind {
+            LinkKind::Odometry => "one after the other",
+            LinkKind::Loop => "look alike",
+            LinkKind::Overlap => "see the same",
+            LinkKind::Shape => "shapes fit",
+        };
+        let verdict = if link.holds { "" } else { ", contradicted by others" };
+        (other, format!("frame {other}: {kind}, {:.0} % agrees{verdict}", 100.0 * link.consistent))
+    };
+    if sparse.links.is_empty() {
+        let shared = |(other, count)| (other, format!("frame {other}: {count} shared points"));
+        sparse.neighbours(frame).into_iter().map(shared).collect()
+    } else {
+        sparse.linked(frame).into_iter().map(linked).collect()
+    }
+}
+
 /// Two places beside each other, or one over the other where that shows the pictures larger.
 fn places(rect: Rect, look: &Look<'_>, frame: usize) -> [Rect; 2] {
     let known = &look.project.frames[frame];
@@ -96,17 +118,16 @@ fn places(rect: Rect, look: &Look<'_>, frame: usize) -> [Rect; 2] {
 }
 
 /// The choice of the other frame.
-fn other_ui(ui: &mut Ui, view: &mut ViewState, neighbours: &[(usize, usize)], other: usize) {
-    let text = |&(frame, shared): &(usize, usize)| format!("frame {frame}: {shared} shared points");
-    let chosen = neighbours.iter().find(|&&(frame, _)| frame == other).map(text).unwrap_or_default();
-    let choice = egui::ComboBox::from_id_salt("other frame").selected_text(chosen).width(230.0).show_ui(ui, |ui| {
-        for neighbour in neighbours {
-            if ui.selectable_label(neighbour.0 == other, text(neighbour)).clicked() {
-                view.matches.other = Some(neighbour.0);
+fn other_ui(ui: &mut Ui, view: &mut ViewState, partners: &[(usize, String)], other: usize) {
+    let chosen = partners.iter().find(|(frame, _)| *frame == other).map_or("", |(_, text)| text);
+    let choice = egui::ComboBox::from_id_salt("other frame").selected_text(chosen).width(260.0).show_ui(ui, |ui| {
+        for (frame, text) in partners {
+            if ui.selectable_label(*frame == other, text).clicked() {
+                view.matches.other = Some(*frame);
             }
         }
     });
-    choice.response.on_hover_text("The frame beside it; the list begins with the one that shares most");
+    choice.response.on_hover_text("The frame beside it; the list begins with the one that holds it best");
 }
 
 /// Draws a frame's picture into a place; gives where it lies.

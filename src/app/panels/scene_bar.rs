@@ -1,8 +1,8 @@
-use egui::{Rect, Slider, Ui};
+use egui::{ComboBox, Rect, Slider, Ui};
 
 use super::ruler::ruler_ui;
 use crate::app::tips::action_button;
-use crate::app::{Action, Look, ViewState};
+use crate::app::{Action, Look, Shown, ViewState};
 use crate::view::Coloring;
 
 const COLORINGS: [(Coloring, &str, &str); 3] = [
@@ -11,21 +11,44 @@ const COLORINGS: [(Coloring, &str, &str); 3] = [
     (Coloring::Confidence, "Confidence", "How large a share of the votes each point's label won"),
 ];
 
-/// What colours show, point size, frusta and where to look from.
+const MODELS: [(Shown, &str, &str); 4] = [
+    (Shown::Points, "Points", "The labelled points"),
+    (Shown::Mesh, "Mesh", "The surface, lit from where you look"),
+    (Shown::Wireframe, "Wireframe", "The sides of the surface's triangles"),
+    (Shown::Voxels, "Voxels", "The cubes that hold points"),
+];
+
+/// What is shown, what colours show, point size, frusta and where to look from.
 pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     ui.horizontal_wrapped(|ui| {
+        if look.has_surface {
+            let text = MODELS.iter().find(|(shown, ..)| *shown == view.shown).map_or("Points", |(_, text, _)| text);
+            let choice = ComboBox::from_id_salt("model").selected_text(text).width(88.0).show_ui(ui, |ui| {
+                for (shown, text, tip) in MODELS {
+                    ui.selectable_value(&mut view.shown, shown, text).on_hover_text(tip);
+                }
+            });
+            choice.response.on_hover_text("What is shown of the result").accessible_name("Shown model");
+            ui.add_space(8.0);
+        }
         for (coloring, text, tip) in COLORINGS {
             ui.selectable_value(&mut view.coloring, coloring, text).on_hover_text(tip);
         }
         ui.add_space(8.0);
         ui.spacing_mut().slider_width = 70.0;
         let slider = Slider::new(&mut view.prefs.point_size, 1.0..=12.0).show_value(false);
-        ui.label("Points");
+        ui.label("Size");
         ui.add(slider).on_hover_text("Size of the points").accessible_name("Point size");
         let has_cameras = look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
         if has_cameras {
             ui.checkbox(&mut view.prefs.frusta, "Cameras")
                 .on_hover_text("Shows the cameras; click one to go to its frame");
+        }
+        if look.sparse.is_some_and(|sparse| !sparse.links.is_empty()) {
+            ui.checkbox(&mut view.prefs.links, "Links").on_hover_text(
+                "Which frames hold each other: grey one after the other, green where they see the same, orange by their \
+                 shape, red where the others contradict it",
+            );
         }
         ui.add_space(8.0);
         let shortcuts = &view.prefs.shortcuts;

@@ -2,26 +2,25 @@ use std::sync::Arc;
 
 use egui::{Color32, Pos2, Rect, TextureId, Ui};
 
-use crate::scene::LabelledCloud;
-use crate::view::{CloudView, Scene3d};
+use crate::view::{Model, Scene3d, SceneView};
 
-/// The cloud drawn on the window's GPU, shown as a texture.
+/// The scene drawn on the window's GPU, shown as a texture.
 pub(super) struct SceneCanvas {
     gpu: egui_wgpu::RenderState,
-    view: CloudView,
+    view: SceneView,
     texture: Option<(TextureId, [u32; 2])>,
-    empty: Arc<LabelledCloud>,
+    nothing: Model,
 }
 
 impl SceneCanvas {
     pub fn new(gpu: &egui_wgpu::RenderState) -> Self {
-        let view = CloudView::new(&gpu.device, &gpu.queue);
-        Self { gpu: gpu.clone(), view, texture: None, empty: Arc::default() }
+        let view = SceneView::new(&gpu.device, &gpu.queue);
+        Self { gpu: gpu.clone(), view, texture: None, nothing: Model::Cloud(Arc::default()) }
     }
 
     /// Draws a bounded part of the scene and shows what stands; whether the picture is whole.
-    pub fn draw(&mut self, ui: &Ui, rect: Rect, cloud: Option<&Arc<LabelledCloud>>, scene: &Scene3d) -> bool {
-        self.view.set_cloud(cloud.unwrap_or(&self.empty));
+    pub fn draw(&mut self, ui: &Ui, rect: Rect, model: Option<Model>, scene: &Scene3d) -> bool {
+        self.view.set_model(model.unwrap_or_else(|| self.nothing.clone()));
         let whole = self.view.draw(scene);
         if let Some(id) = self.texture_id([scene.camera.width, scene.camera.height]) {
             let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));

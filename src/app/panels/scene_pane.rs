@@ -6,24 +6,25 @@ use glam::{Vec2, Vec3};
 use super::scene_bar::scene_bar_ui;
 use super::scene_canvas::SceneCanvas;
 use crate::app::view_state::SceneWish;
-use crate::app::{Action, Look, ViewState};
+use crate::app::{Action, Look, Shown, ViewState};
 use crate::frames::Frame;
 use crate::scene::LabelledCloud;
 use crate::view::{
-    Bounds, Coloring, Orbit, Scene3d, ViewCamera, default_view, frustum_lines, pick_frustum, pick_point,
+    Bounds, Coloring, Model, Orbit, Scene3d, ViewCamera, default_view, frustum_lines, link_lines, pick_frustum,
+    pick_point,
 };
 
 /// The 3-D view: where it is seen from, and the texture it is drawn into.
 pub struct ScenePane {
     canvas: Option<SceneCanvas>,
     orbit: Option<Orbit>,
-    shown: Shown,
+    framed: Framed,
     zoom_anchor: Option<(egui::Pos2, Vec3)>,
 }
 
 /// What the view was last framed for.
 #[derive(Default)]
-struct Shown {
+struct Framed {
     cloud: Option<Arc<LabelledCloud>>,
     radius: f32,
 }
@@ -32,13 +33,13 @@ impl ScenePane {
     /// A view that draws on the window's GPU; without one it says so.
     #[must_use]
     pub fn new(gpu: Option<&egui_wgpu::RenderState>) -> Self {
-        Self { canvas: gpu.map(SceneCanvas::new), orbit: None, shown: Shown::default(), zoom_anchor: None }
+        Self { canvas: gpu.map(SceneCanvas::new), orbit: None, framed: Framed::default(), zoom_anchor: None }
     }
 
     /// Forgets where the view was: another project is open.
     pub fn clear(&mut self) {
         self.orbit = None;
-        self.shown = Shown::default();
+        self.framed = Framed::default();
     }
 
     /// The tool bar and the view.
@@ -65,7 +66,7 @@ impl ScenePane {
 
     /// Frames the scene when another cloud or the first cameras come, or when asked to.
     fn frame_new_content(&mut self, look: &Look<'_>, view: &mut ViewState, aspect: f32) {
-        let same = match (&self.shown.cloud, look.points()) {
+        let same = match (&self.framed.cloud, look.points()) {
             (Some(old), Some(new)) => Arc::ptr_eq(old, new),
             (None, None) => true,
             _ => false,
@@ -74,11 +75,11 @@ impl ScenePane {
         if !same || self.orbit.is_none() || wish == Some(SceneWish::FrameAll) {
             self.measure(look);
             // A cloud made anew keeps the view the user chose.
-            let keep = self.orbit.is_some() && wish.is_none() && self.shown.cloud.is_some() && look.points().is_some();
+            let keep = self.orbit.is_some() && wish.is_none() && self.framed.cloud.is_some() && look.points().is_some();
             if !keep {
                 self.orbit = framing(look, aspect);
             }
-            self.shown.cloud = look.points().cloned();
+            self.framed.cloud = look.points().cloned();
         }
         if wish == Some(SceneWish::LookThrough) {
             self.look_through(look.project.frames.get(view.frame));
@@ -86,13 +87,13 @@ impl ScenePane {
     }
 
     fn measure(&mut self, look: &Look<'_>) {
-        self.shown.radius = bounds(look).map_or(1.0, |bounds| bounds.radius());
+        self.framed.radius = bounds(look).map_or(1.0, |bounds| bounds.radius());
     }
 
     fn look_through(&mut self, frame: Option<&Frame>) {
         let up = self.orbit.map_or(Vec3::NEG_Y, |orbit| orbit.up);
         if let Some((camera, pose)) = frame.and_then(Frame::posed_camera) {
-            self.orbit = Some(Orbit::through(camera, pose, self.shown.radius, up));
+            self.orbit = Some(Orbit::through(camera, pose, self.framed.radius, up));
         }
     }
 
@@ -167,11 +168,14 @@ impl ScenePane {
         let size = (rect.size() * scale).round().max(egui::Vec2::splat(1.0));
         let most = ui.input(|i| i.max_texture_side) as f32;
         let mut lines = if view.prefs.frusta {
-            frustum_lines(&look.project.frames, self.shown.radius * 0.09, Some(view.frame))
+            frustum_lines(&look.project.frames, self.framed.radius * 0.09, Some(view.frame))
         } else {
             Vec::new()
         };
-        lines.extend(view.ruler.lines(self.shown.radius * 0.012));
+        if let Some(sparse) = look.sparse.filter(|_| view.prefs.links) {
+            lines.extend(link_lines(&look.project.frames, &sparse.links));
+        }
+        lines.extend(view.ruler.lines(self.framed.radius * 0.012));
         let fill = ui.visuals().extreme_bg_color;
         let scene = Scene3d {
             camera: orbit.camera(size.x.min(most) as u32, size.y.min(most) as u32),
@@ -182,12 +186,21 @@ impl ScenePane {
             background: [fill.r(), fill.g(), fill.b()],
             lines,
         };
-        if !canvas.draw(ui, rect, look.points(), &scene) {
+        if !canvas.draw(ui, rect, model(look, view), &scene) {
             ui.ctx().request_repaint();
         }
         if view.coloring == Coloring::Confidence {
             super::scene_bar::confidence_legend(ui, rect);
         }
+    }
+}
+
+/// What is drawn: points until the triangles wanted are there, and while depth is made.
+fn model(look: &Look<'_>, view: &ViewState) -> Option<Model> {
+    match (view.shown, look.surface.filter(|_| look.growing.is_none())) {
+        (Shown::Mesh | Shown::Voxels, Some(surface)) => Some(Model::Surface(Arc::clone(surface))),
+        (Shown::Wireframe, Some(surface)) => Some(Model::Wireframe(Arc::clone(surface))),
+        _ => look.points().cloned().map(Model::Cloud),
     }
 }
 

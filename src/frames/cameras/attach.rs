@@ -1,5 +1,3 @@
-use glam::DVec2;
-
 use super::GivenIntrinsics;
 use crate::frames::{Frame, FrameCamera, FrameError, Orientation, PictureSource};
 use crate::geometry::{Camera, GeometryError, Pose, Turn};
@@ -52,13 +50,11 @@ pub(super) fn stored_size(frame: &Frame, turn: Turn) -> (u32, u32) {
     }
 }
 
-/// Gives every frame the same intrinsics (focal lengths `fx`, `fy`, principal point `cx`, `cy` in pixels of the stored
-/// picture, centre of the top-left pixel at 0.5, 0.5), keeping poses. On an error no frame is changed.
+/// Gives every frame the same intrinsics, those of its stored picture, keeping poses. On an error no frame is changed.
 ///
 /// # Errors
 /// [`FrameError::NotFound`] when values are no camera, pictures differ in size or one is mirrored.
-pub fn attach_intrinsics(frames: &mut [Frame], [fx, fy, cx, cy]: [f64; 4]) -> Result<(), FrameError> {
-    let given = GivenIntrinsics::pinhole(DVec2::new(fx, fy), DVec2::new(cx, cy));
+pub fn attach_intrinsics(frames: &mut [Frame], given: &GivenIntrinsics) -> Result<(), FrameError> {
     let mut cameras = Vec::with_capacity(frames.len());
     let mut first: Option<(&Frame, (u32, u32))> = None;
     for frame in frames.iter() {
@@ -72,7 +68,7 @@ pub fn attach_intrinsics(frames: &mut [Frame], [fx, fy, cx, cy]: [f64; 4]) -> Re
             )));
         }
         let pose = frame.camera.and_then(|camera| camera.camera_from_world).map(|pose| pose.turned(turn.inverse()));
-        cameras.push(shown_camera(frame, Some(&given), pose.as_ref())?);
+        cameras.push(shown_camera(frame, Some(given), pose.as_ref())?);
     }
     for (frame, camera) in frames.iter_mut().zip(cameras) {
         frame.camera = Some(camera);

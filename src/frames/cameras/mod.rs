@@ -15,6 +15,7 @@ mod colmap_write;
 mod detect;
 mod dtu;
 mod given;
+mod intrinsics_source;
 mod lines;
 mod matching;
 mod middlebury;
@@ -29,6 +30,7 @@ pub use colmap_keypoints::read_sparse_model;
 pub use colmap_points::read_sparse_points;
 pub use colmap_write::{ModelEncoding, write_colmap_model};
 pub use given::{CameraKey, Focal, GivenCamera, GivenCameras, GivenIntrinsics};
+pub use intrinsics_source::IntrinsicsSource;
 pub use sparse::{SparseKeypoint, SparsePoint, SparsePoints};
 
 #[cfg(test)]

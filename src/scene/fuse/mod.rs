@@ -33,7 +33,7 @@ mod voxel_size;
 pub use majority::{Majority, Verdict};
 pub use onto::{OntoOptions, vote_onto, vote_seen};
 pub use options::FuseOptions;
-pub use relabel::{ChangedMask, relabel};
+pub use relabel::{ChangedMask, relabel, vote_again};
 pub use report::{Dropped, FuseReport};
 pub use run::{Fused, fuse};
 pub use seen::{SeenPoint, SeenPoints};

@@ -5,11 +5,17 @@ use rayon::prelude::*;
 use super::ballots::{Ballots, Histograms};
 use super::majority::Majority;
 use super::pairs::{CHUNK, Pair, PairReader, PairWriter};
+use super::report::FuseReport;
+use super::run::{Fused, finish};
+use super::source::{Views, check_size};
 use super::votes::{FramePairs, Votes, joined};
 use crate::engine::job::Progress;
 use crate::masks::{LabelMask, LabelTree};
 use crate::scene::cloud::name_unknown_labels;
 use crate::scene::{LabelledCloud, SceneError};
+
+/// Decoded masks that are held at once while all frames vote again.
+const HELD_BYTES: usize = 256 << 20;
 
 /// A frame whose mask changed since the vote.
 #[derive(Debug, Clone)]
@@ -34,6 +40,60 @@ pub fn relabel(
     progress: &Progress,
 ) -> Result<(LabelledCloud, Votes), SceneError> {
     check(cloud, votes, changed)?;
+    let votes = recounted(votes, changed, progress)?;
+    Ok((labelled(cloud, &votes, tree), votes))
+}
+
+/// Lets every frame that sees the points vote with the mask that it has now, as [`relabel`] does: the result is the same as
+/// that of a new vote on the same points. Only masks are read, one after the other.
+///
+/// # Errors
+/// As [`relabel`].
+pub fn vote_again(
+    cloud: &LabelledCloud,
+    votes: &Votes,
+    views: &dyn Views,
+    tree: &LabelTree,
+    progress: &Progress,
+) -> Result<Fused, SceneError> {
+    progress.stage("vote")?;
+    check(cloud, votes, &[])?;
+    let (mut votes, mut changed, mut held) = (votes.clone(), Vec::new(), 0);
+    let mut report = FuseReport::default();
+    for at in 0..votes.frames.len() {
+        progress.step(at, votes.frames.len())?;
+        let frame = votes.frames[at].frame as usize;
+        let change = ChangedMask { frame, mask: views.mask(frame) };
+        if let Some(mask) = &change.mask {
+            check_size(&views.frames()[frame], "mask", mask.width, mask.height)?;
+        }
+        report.frames_voted += usize::from(change.mask.is_some());
+        if votes.frames[at].votes_otherwise(&change) {
+            held += change.mask.as_ref().map_or(0, |mask| size_of_val(&mask.ids[..]));
+            changed.push(change);
+        }
+        if held > HELD_BYTES {
+            votes = recounted(&votes, &std::mem::take(&mut changed), progress)?;
+            held = 0;
+        }
+    }
+    if !changed.is_empty() {
+        votes = recounted(&votes, &changed, progress)?;
+    }
+    Ok(finish(labelled(cloud, &votes, tree), votes, false, report))
+}
+
+impl FramePairs {
+    /// Whether a pixel that sees a point votes otherwise than it did.
+    fn votes_otherwise(&self, change: &ChangedMask) -> bool {
+        let now = |pair: &Pair| change.mask.as_ref().map(|mask| mask.at(pair.x, pair.y));
+        let differs = |chunk| PairReader::new(self.chunk(chunk)).any(|pair| now(&pair) != pair.vote);
+        (0..self.starts.len().saturating_sub(1)).into_par_iter().any(differs)
+    }
+}
+
+/// The votes with those of the changed frames counted anew.
+fn recounted(votes: &Votes, changed: &[ChangedMask], progress: &Progress) -> Result<Votes, SceneError> {
     let chunks = votes.len().div_ceil(CHUNK);
     let recounted: Vec<Recounted> = (0..chunks)
         .into_par_iter()
@@ -51,7 +111,7 @@ pub fn relabel(
             votes.frames[frame] = Arc::new(FramePairs::from_chunks(&votes.frames[frame], bytes));
         }
     }
-    Ok((labelled(cloud, &votes, tree), votes))
+    Ok(votes)
 }
 
 /// The cloud with the labels and confidences that the votes give under `tree`.

@@ -186,6 +186,10 @@ proptest! {
         let (cloud, votes) = relabel(&before.cloud, &before.votes, &changes, &tree(), &Progress::default()).unwrap();
         prop_assert!(cloud == fresh.cloud);
         prop_assert!(votes == fresh.votes);
+        let again = vote_again(&before.cloud, &before.votes, &scene, &tree(), &Progress::default()).unwrap();
+        prop_assert!(again.cloud == fresh.cloud);
+        prop_assert!(again.votes == fresh.votes);
+        prop_assert_eq!(again.report.frames_voted, fresh.report.frames_voted);
     }
 }
 

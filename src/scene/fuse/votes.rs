@@ -88,6 +88,12 @@ impl Votes {
         self.has_pairs
     }
 
+    /// The frames that took part, by rising number: those that can vote again. None where pairs were not kept, and none
+    /// where no frame had a mask.
+    pub fn frames(&self) -> impl Iterator<Item = usize> {
+        self.frames.iter().map(|frame| frame.frame as usize)
+    }
+
     /// The frames that see a point, by frame number; empty when pairs were not kept.
     #[must_use]
     pub fn voters(&self, point: usize) -> Vec<Voter> {

@@ -1,8 +1,9 @@
 use std::collections::BTreeSet;
 
+use super::chain::OnPose;
 use super::forest::{Components, chained};
 use super::fragment::Fragment;
-use super::link::Link;
+use super::link::{FrameLink, Link};
 use super::odometry::Tried;
 use super::scan::Scan;
 use crate::geometry::{Pose, PoseEdge, PoseGraphOptions, solve_pose_graph};
@@ -96,6 +97,28 @@ impl Graph {
     /// Links that the others do not contradict.
     pub fn holding(&self) -> impl Iterator<Item = &Link> {
         self.links.iter().zip(&self.shares).filter(|(_, share)| **share >= HOLDS).map(|(link, _)| link)
+    }
+
+    /// Tells all poses that are known, in the world of the first scan that has one.
+    pub fn tell(&self, scans: &[Scan], on_pose: &OnPose<'_>) {
+        let world_from_first = self.poses.iter().flatten().next().copied().unwrap_or_default().inverse();
+        for (scan, pose) in scans.iter().zip(&self.poses) {
+            pose.iter().for_each(|pose| on_pose(scan.frame, &pose.compose(&world_from_first)));
+        }
+    }
+
+    /// All links by the frames' numbers, ascending.
+    #[must_use]
+    pub fn frame_links(&self, scans: &[Scan]) -> Vec<FrameLink> {
+        let frame_link = |(link, share): (&Link, &f64)| FrameLink {
+            frames: link.scans.map(|scan| scans[scan].frame),
+            kind: link.kind,
+            consistent: link.agreement.consistent,
+            holds: *share >= HOLDS,
+        };
+        let mut links: Vec<FrameLink> = self.links.iter().zip(&self.shares).map(frame_link).collect();
+        links.sort_by_key(|link| (link.frames, link.kind));
+        links
     }
 
     /// Solves the pose graph; scans that no link then holds to the largest group lose their pose.

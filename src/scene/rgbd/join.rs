@@ -2,6 +2,7 @@ use std::collections::BTreeSet;
 
 use super::fragment::Fragment;
 use super::graph::Graph;
+use super::link::LinkKind;
 use super::odometry::densify;
 use super::overlap::overlapping;
 use super::register::{
@@ -102,7 +103,7 @@ fn witnessed(
     let own: BTreeSet<usize> = fragment.scans.iter().copied().collect();
     let mut pairs = overlapping(scans, &poses, &BTreeSet::new());
     pairs.retain(|pair| own.contains(&pair[0]) != own.contains(&pair[1]));
-    let tried = densify(scans, &poses, &pairs, progress);
+    let tried = densify(scans, &poses, (&pairs, LinkKind::Shape), progress);
     if tried.iter().filter(|(_, result)| result.is_ok()).count() < WITNESSES {
         return false;
     }

@@ -1,3 +1,5 @@
+use serde::{Deserialize, Serialize};
+
 use super::agreement::Agreement;
 use super::align::{Aligned, align};
 use super::pyramid::{LEVELS, Pyramid};
@@ -13,11 +15,40 @@ const LEAST_LIKENESS: f64 = 0.5;
 /// Features that must agree on a pose for it to be a guess.
 const LEAST_FEATURES: usize = 12;
 
+/// How two frames came to be compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LinkKind {
+    /// One follows the other.
+    Odometry,
+    /// They look alike, or were named by hand.
+    Loop,
+    /// Poses known by then showed that they see the same.
+    Overlap,
+    /// The shapes of the pieces that they belong to fit.
+    Shape,
+}
+
+/// Two frames that agree in depth and picture.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FrameLink {
+    /// Numbers of the two frames.
+    pub frames: [usize; 2],
+    /// How they came to be compared.
+    pub kind: LinkKind,
+    /// Share of what both see that agrees, 0–1.
+    pub consistent: f64,
+    /// Whether it counts: the other links do not contradict it.
+    pub holds: bool,
+}
+
 /// Two scans whose views were aligned and agree.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Link {
     /// Places of the two scans, the source's first.
     pub scans: [usize; 2],
+    /// How they came to be compared.
+    pub kind: LinkKind,
     /// How the target stands to the source.
     pub aligned: Aligned,
     /// How well they agree.

@@ -6,6 +6,7 @@ mod account;
 mod agreement;
 mod align;
 mod between;
+mod chain;
 mod error;
 mod forest;
 mod fragment;
@@ -23,6 +24,8 @@ mod scan;
 mod tests;
 mod view;
 
+pub use chain::OnPose;
 pub use error::RgbdError;
+pub use link::{FrameLink, LinkKind};
 pub use options::RgbdOptions;
 pub use run::{RgbdRequest, RgbdResult, register_rgbd};

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use super::agreement::Agreement;
 use super::align::Aligned;
-use super::link::{Link, Start, align_and_check, pose_from_features};
+use super::chain::Chain;
+use super::link::{Link, LinkKind, Start, align_and_check, pose_from_features};
 use super::pyramid::Pyramid;
 use super::scan::Scan;
 use crate::engine::job::Progress;
@@ -17,7 +18,7 @@ const BACK: usize = 4;
 /// What came of comparing two scans: a link, or the best agreement there was.
 pub type Tried = ([usize; 2], Result<Link, Option<Agreement>>);
 
-/// Links each scan with the one before; where that fails, with one of those before it.
+/// Links each scan with the one before; where that fails, with one of those before it. `chain` is told of each.
 ///
 /// Stopped, it gives what it has by then.
 ///
@@ -26,12 +27,12 @@ pub type Tried = ([usize; 2], Result<Link, Option<Agreement>>);
 pub fn odometry(
     scans: &[Scan],
     matches: &PairMatches<'_>,
-    seed: u64,
+    (seed, chain): (u64, &Chain<'_>),
     progress: &Progress,
 ) -> Result<Vec<Tried>, FeatureError> {
     let done = AtomicUsize::new(0);
     let of_scan = |target: usize| {
-        let mut tried = Vec::new();
+        let mut tried: Vec<Tried> = Vec::new();
         for back in 1..=BACK.min(target) {
             if progress.step(done.load(Ordering::Relaxed), scans.len()).is_err() {
                 break;
@@ -40,12 +41,13 @@ pub fn odometry(
             let found = matches(pair[0], pair[1])?;
             let result = compare(pair.map(|at| &scans[at]), &found, seed_of(pair, seed), true);
             let is_linked = result.is_ok();
-            tried.push(linked(pair, result));
+            tried.push(linked(pair, LinkKind::Odometry, result));
             if is_linked {
                 break;
             }
         }
         done.fetch_add(1, Ordering::Relaxed);
+        chain.take(target, tried.last().and_then(|(_, result)| result.as_ref().ok()));
         Ok(tried)
     };
     let tried: Vec<Vec<Tried>> = (1..scans.len()).into_par_iter().map(of_scan).collect::<Result<_, FeatureError>>()?;
@@ -69,7 +71,7 @@ pub fn loops(
     let of_pair = |&pair: &[usize; 2]| {
         progress.step(done.fetch_add(1, Ordering::Relaxed), pairs.len()).ok()?;
         let compared = |found: Vec<(u32, u32)>| compare(pair.map(|at| &scans[at]), &found, seed_of(pair, seed), false);
-        Some(matches(pair[0], pair[1]).map(|found| linked(pair, compared(found))))
+        Some(matches(pair[0], pair[1]).map(|found| linked(pair, LinkKind::Loop, compared(found))))
     };
     pairs.par_iter().filter_map(of_pair).collect()
 }
@@ -91,8 +93,8 @@ pub fn compare(
     align_and_check([&source, &target], &guesses)
 }
 
-fn linked(pair: [usize; 2], result: Result<(Aligned, Agreement), Option<Agreement>>) -> Tried {
-    (pair, result.map(|(aligned, agreement)| Link { scans: pair, aligned, agreement }))
+fn linked(pair: [usize; 2], kind: LinkKind, result: Result<(Aligned, Agreement), Option<Agreement>>) -> Tried {
+    (pair, result.map(|(aligned, agreement)| Link { scans: pair, kind, aligned, agreement }))
 }
 
 /// A seed of its own for each pair.
@@ -104,13 +106,18 @@ fn seed_of([a, b]: [usize; 2], seed: u64) -> u64 {
 ///
 /// Stopped, it gives what it has by then.
 #[must_use]
-pub fn densify(scans: &[Scan], poses: &[Option<Pose>], pairs: &[[usize; 2]], progress: &Progress) -> Vec<Tried> {
+pub fn densify(
+    scans: &[Scan],
+    poses: &[Option<Pose>],
+    (pairs, kind): (&[[usize; 2]], LinkKind),
+    progress: &Progress,
+) -> Vec<Tried> {
     let done = AtomicUsize::new(0);
     let of_pair = |&pair: &[usize; 2]| {
         progress.step(done.fetch_add(1, Ordering::Relaxed), pairs.len()).ok()?;
         let guess = poses[pair[1]]?.compose(&poses[pair[0]]?.inverse());
         let [source, target] = pair.map(|at| Pyramid::new(&scans[at].view));
-        Some(linked(pair, align_and_check([&source, &target], &[(guess, Start::Near)])))
+        Some(linked(pair, kind, align_and_check([&source, &target], &[(guess, Start::Near)])))
     };
     pairs.par_iter().filter_map(of_pair).collect()
 }

@@ -2,8 +2,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::account::{account, why_no_start};
 use super::between::place_between;
+use super::chain::{Chain, OnPose};
 use super::graph::Graph;
 use super::join::join;
+use super::link::{FrameLink, LinkKind};
 use super::odometry::{Tried, densify, loops, odometry};
 use super::overlap::overlapping;
 use super::scan::{Scan, scans};
@@ -28,6 +30,8 @@ pub struct RgbdRequest<'a> {
     pub extractor: &'a dyn FeatureExtractor,
     /// Matches them.
     pub matcher: &'a dyn FeatureMatcher,
+    /// Looks on.
+    pub on_pose: &'a OnPose<'a>,
     /// How.
     pub options: RgbdOptions,
 }
@@ -39,8 +43,8 @@ pub struct RgbdResult {
     pub cameras: BTreeMap<usize, FrameCamera>,
     /// By frame number, what became of it.
     pub outcomes: BTreeMap<usize, Outcome>,
-    /// Links between frames that count, and those that the others contradict.
-    pub links: [usize; 2],
+    /// Links between frames, those too that the others contradict, by rising numbers.
+    pub links: Vec<FrameLink>,
     /// Whether it was stopped and is a part of what it could be.
     pub stopped: bool,
 }
@@ -72,13 +76,15 @@ pub fn register_rgbd(
     }
     let tried = links(&scans, request, progress)?;
     let mut graph = Graph::new(&scans, &tried);
+    graph.tell(&scans, request.on_pose);
     // Stopped, what links tie together by then is kept.
     join(&scans, &mut graph, &request.options, progress)
         .or_else(|error| if progress.check().is_err() { Ok(()) } else { Err(error) })?;
     for _ in 0..ROUNDS {
         let pairs = overlapping(&scans, &graph.poses, graph.tried());
-        graph.add(densify(&scans, &graph.poses, &pairs, progress));
+        graph.add(densify(&scans, &graph.poses, (&pairs, LinkKind::Overlap), progress));
         graph.solve();
+        graph.tell(&scans, request.on_pose);
     }
     account(&scans, &tried, &graph, &mut outcomes);
     if graph.poses.iter().flatten().count() < 2 {
@@ -91,12 +97,11 @@ pub fn register_rgbd(
         outcomes.insert(number, outcome);
         poses.push((number, pose));
     }
-    Ok(RgbdResult {
-        cameras: cameras(request.frames, poses),
-        outcomes,
-        links: [graph.holding().count(), graph.links.len() - graph.holding().count()],
-        stopped: progress.check().is_err(),
-    })
+    let cameras = cameras(request.frames, poses);
+    for (number, camera) in request.between.iter().filter_map(|number| Some((number, cameras.get(number)?))) {
+        camera.camera_from_world.iter().for_each(|pose| (request.on_pose)(*number, pose));
+    }
+    Ok(RgbdResult { cameras, outcomes, links: graph.frame_links(&scans), stopped: progress.check().is_err() })
 }
 
 /// The cameras of frames by number, in the world of the first that has a pose.
@@ -116,7 +121,7 @@ fn links(scans: &[Scan], request: &RgbdRequest<'_>, progress: &Progress) -> Resu
     let features: Vec<&Features> = scans.iter().map(|scan| &scan.features).collect();
     let matches = request.matcher.of_set(&features)?;
     let seed = request.options.seed;
-    let mut tried = odometry(scans, &matches, seed, progress)?;
+    let mut tried = odometry(scans, &matches, (seed, &Chain::new(scans, request.on_pose)), progress)?;
     if progress.stage("loops").is_ok() {
         let near = (0..scans.len()).flat_map(|a| (a + 1..=a + NEAR).map(move |b| (a, b))).collect();
         let pooled = Vocabulary::learn(&features, seed).pool_all(&features);

@@ -10,12 +10,14 @@ use crate::engine::job::{Progress, Stopped};
 use crate::frames::cameras::{ModelEncoding, SparsePoints, write_colmap_model};
 use crate::frames::{Frame, FrameCamera, FrameStore};
 use crate::masks::LabelId;
-use crate::scene::rgbd::{RgbdOptions, RgbdRequest, RgbdResult, register_rgbd};
+use crate::scene::rgbd::{FrameLink, RgbdOptions, RgbdRequest, RgbdResult, register_rgbd};
 use crate::scene::sfm::{
     FeatureExtractor, FeatureMatcher, MapperOptions, Outcome, PairOptions, SfmRequest, SfmResult, structure_from_motion,
 };
 use crate::session::engines::{extractor, matcher, registration};
-use crate::session::store::{save_outcomes, sparse_path, sync_folder};
+use crate::session::growing::Placed;
+use crate::session::jobs::Link;
+use crate::session::store::{save_links, save_outcomes, sparse_path, sync_folder};
 use crate::session::{Edit, Event, Project, ReconstructRequest, ResultKind, ResultRecord, Session};
 
 /// What becomes of poses that frames have.
@@ -70,6 +72,8 @@ struct Cameras {
     cameras: BTreeMap<usize, FrameCamera>,
     sparse: SparsePoints,
     outcomes: BTreeMap<usize, Outcome>,
+    /// What ties frames together, where depth does.
+    links: Vec<FrameLink>,
     stopped: bool,
 }
 
@@ -77,19 +81,21 @@ impl From<SfmResult> for Cameras {
     fn from(result: SfmResult) -> Self {
         let (engine, settings) = ("sfm", settings(&result));
         let SfmResult { cameras, sparse, outcomes, stopped, .. } = result;
-        Self { engine, settings, cameras, sparse, outcomes, stopped }
+        Self { engine, settings, cameras, sparse, outcomes, links: Vec::new(), stopped }
     }
 }
 
 impl From<RgbdResult> for Cameras {
     fn from(result: RgbdResult) -> Self {
-        let RgbdResult { cameras, outcomes, links: [held, contradicted], stopped } = result;
+        let RgbdResult { cameras, outcomes, links, stopped } = result;
+        let held = links.iter().filter(|link| link.holds).count();
+        let contradicted = links.len() - held;
         let begun = if stopped { "stopped with " } else { "" };
         let mut settings = format!("{begun}{} of {} frames by depth, {held} links", cameras.len(), outcomes.len());
         if contradicted > 0 {
             settings += &format!(", {contradicted} contradicted by the others");
         }
-        Self { engine: "rgbd", settings, cameras, sparse: SparsePoints::default(), outcomes, stopped }
+        Self { engine: "rgbd", settings, cameras, sparse: SparsePoints::default(), outcomes, links, stopped }
     }
 }
 
@@ -118,12 +124,12 @@ impl CameraWork {
     ///
     /// # Errors
     /// Where nothing can be placed or written, or it was stopped before there was anything to keep.
-    pub fn find(self, progress: &Progress) -> Result<FoundCameras> {
+    pub fn find(self, link: &Link) -> Result<FoundCameras> {
         let begun = Instant::now();
         let poses = self.poses();
         let result: Cameras = match self.finder {
-            Finder::Sfm(_) => self.by_motion(poses, progress)?.into(),
-            Finder::Rgbd => self.by_depth(progress)?.into(),
+            Finder::Sfm(_) => self.by_motion(poses, &link.progress)?.into(),
+            Finder::Rgbd => self.by_depth(link)?.into(),
         };
         let frames = &self.project.frames;
         if result.stopped && result.cameras.len() <= frames.iter().filter(|frame| is_posed(frame)).count() {
@@ -148,10 +154,12 @@ impl CameraWork {
         }
     }
 
-    fn by_depth(&self, progress: &Progress) -> Result<RgbdResult> {
+    fn by_depth(&self, link: &Link) -> Result<RgbdResult> {
         let (chosen, between): (Vec<usize>, Vec<usize>) =
             (0..self.project.frames.len()).partition(|&frame| frame % self.request.every == 0);
+        let placed = Placed { frames: &self.project.frames, pictures: &self.store, link };
         let wish = RgbdRequest {
+            on_pose: &|frame, pose| placed.show(frame, pose),
             frames: &self.project.frames,
             chosen: &chosen,
             between: &between,
@@ -160,7 +168,7 @@ impl CameraWork {
             matcher: self.matcher.as_ref(),
             options: RgbdOptions { registration: registration(&self.request.registration)?, ..RgbdOptions::default() },
         };
-        register_rgbd(&wish, &self.store, progress).map_err(|error| anyhow::anyhow!(error))
+        register_rgbd(&wish, &self.store, &link.progress).map_err(|error| anyhow::anyhow!(error))
     }
 
     fn by_motion(&self, poses: Poses, progress: &Progress) -> Result<SfmResult> {
@@ -259,6 +267,7 @@ fn record(result: &Cameras, took: Duration, version: u64) -> ResultRecord {
         settings: result.settings.clone(),
         version,
         voxel: None,
+        geometry: None,
     }
 }
 
@@ -310,5 +319,6 @@ fn save(folder: &Path, frames: &[Frame], result: &Cameras) -> Result<()> {
         frame.camera = result.cameras.get(&number).copied();
     }
     write_colmap_model(folder, &placed, &result.sparse, ModelEncoding::Text)?;
-    save_outcomes(folder, &result.outcomes)
+    save_outcomes(folder, &result.outcomes)?;
+    save_links(folder, &result.links)
 }

@@ -80,6 +80,7 @@ fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
         depths.is_none() || frames.iter().any(|frame| frame.depth.is_some()),
         "no frame has depth; give depth pictures first"
     );
+    mask_format(request)?;
     ensure!(request.level != Some(0), "levels count from 1, the top level");
     Ok(())
 }
@@ -107,12 +108,16 @@ fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Res
         super::undistorted::write(folder, &sources.project, &sparse(), &sources.store, progress)?;
     }
     if let Some(folder) = &request.masks {
-        super::masks::write(folder, MaskFormat::Davis, &sources.project, request.level, progress)?;
+        super::masks::write(folder, mask_format(request)?, &sources.project, request.level, progress)?;
     }
     if let Some(folder) = &request.depths {
         super::depths::write(folder, &sources.project, &sources.store, progress)?;
     }
     Ok(warnings)
+}
+
+fn mask_format(request: &ExportRequest) -> Result<MaskFormat> {
+    Ok(request.mask_format.as_deref().map(str::parse).transpose()?.unwrap_or_default())
 }
 
 /// The cloud, under the label names of today.

@@ -7,6 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 
 use super::surface::{Made, Sources};
+use super::voted_before::{VotedBefore, geometry_digest};
 use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore};
 use crate::masks::Label;
@@ -26,14 +27,17 @@ impl Session {
         let version = self.opened()?.next_version()?;
         let root = self.opened()?.root().to_owned();
         let store = Arc::clone(&self.store);
+        let loaded = self.cloud.in_force(version_in_force(&project, ResultKind::Cloud));
         Ok(self.start("Fuse", Kind::Long, move |link| {
             let begun = Instant::now();
-            let mut fused = make(&store, &root, &project, &request, &link.progress)?;
+            let geometry = geometry_digest(&project, &request)?;
+            let before = VotedBefore::find(&project, &root, &request, &geometry, loaded);
+            let (mut fused, settings) = make(&store, &root, &project, &request, before.as_ref(), &link.progress)?;
             link.progress.stage("save")?;
             save_ply(&cloud_path(&root, version), &fused.cloud, Coloring::Picture, &link.progress)?;
             save_votes(&votes_path(&root, version), &fused.votes)?;
             let sources = Sources { store: &store, root: &root, project: &project, request: &request };
-            let voxel = match sources.make_surface(version, &link.progress)? {
+            let voxel = match sources.make_surface(version, before.as_ref(), &link.progress)? {
                 Made::Surface { voxel } => Some(voxel),
                 Made::Nothing(why) => {
                     fused.report.warnings.extend(why);
@@ -46,9 +50,10 @@ impl Session {
                 frames: fused.report.frames_voted,
                 seconds: begun.elapsed().as_secs_f64(),
                 stale: false,
-                settings: settings(&request, &fused, stereo_version(&project).is_some()),
+                settings,
                 version,
                 voxel,
+                geometry: Some(geometry),
             };
             Ok(Box::new(move |session: &mut Self| session.take_cloud(&project, fused, record)) as Landing)
         }))
@@ -65,27 +70,46 @@ impl Session {
     }
 }
 
+/// The labelled points, and for people what they were made with.
 fn make(
     store: &FrameStore,
     root: &Path,
     project: &Project,
     request: &FuseRequest,
+    before: Option<&VotedBefore>,
     progress: &Progress,
-) -> Result<Fused> {
+) -> Result<(Fused, String)> {
     let masks = |frame: usize| project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
     let views = ProjectViews { frames: &project.frames, store, masks: &masks };
+    if let Some(before) = before
+        && let Some(fused) = before.cloud(&views, project, progress)?
+    {
+        return Ok((fused, before.record.settings.clone()));
+    }
+    let fused = make_points(&views, root, project, request, progress)?;
+    let settings = settings(request, &fused, stereo_version(project).is_some());
+    Ok((fused, settings))
+}
+
+fn make_points(
+    views: &ProjectViews<'_>,
+    root: &Path,
+    project: &Project,
+    request: &FuseRequest,
+    progress: &Progress,
+) -> Result<Fused> {
     let (min_confidence, drop_unlabelled) = (request.min_confidence.unwrap_or(0.0), request.drop_unlabelled);
     let onto = OntoOptions { min_confidence, drop_unlabelled, ..OntoOptions::default() };
     if let Some(path) = &request.onto {
         let given = read_ply(path, progress)?;
-        let mut fused = vote_onto(&given.cloud, &views, &project.labels, &onto, progress)?;
+        let mut fused = vote_onto(&given.cloud, views, &project.labels, &onto, progress)?;
         fused.report.warnings.splice(0..0, given.warnings);
         return Ok(fused);
     }
     if let Some(version) = stereo_version(project) {
-        let cloud = dense_cloud(store, root, project, version, request.voxel, progress)?;
+        let cloud = dense_cloud(views.store, root, project, version, request.voxel, progress)?;
         let (points, seen) = cloud.into_points();
-        let mut fused = vote_seen(&points, &seen, &views, &project.labels, &onto, progress)?;
+        let mut fused = vote_seen(&points, &seen, views, &project.labels, &onto, progress)?;
         if has_stale_depths(project) {
             fused.report.warnings.push("the depths were made with other cameras; reconstruct again".into());
         }
@@ -93,7 +117,7 @@ fn make(
     }
     let voxel = request.voxel;
     let options = FuseOptions { voxel, min_confidence, drop_unlabelled, ..FuseOptions::default() };
-    Ok(fuse(&views, &project.labels, &options, progress)?)
+    Ok(fuse(views, &project.labels, &options, progress)?)
 }
 
 /// Whether depths were made from what has changed since.
@@ -161,7 +185,7 @@ fn settings(request: &FuseRequest, fused: &Fused, is_stereo: bool) -> String {
     format!("{source}{confidence}{dropped}, {} points", fused.report.points)
 }
 
-fn save_votes(path: &Path, votes: &Votes) -> Result<()> {
+pub(super) fn save_votes(path: &Path, votes: &Votes) -> Result<()> {
     let write = || -> std::io::Result<()> {
         let mut out = BufWriter::new(File::create(path)?);
         write_votes(&mut out, votes)?;

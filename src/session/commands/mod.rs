@@ -29,6 +29,7 @@ mod track;
 mod traits;
 mod undistorted;
 mod undo;
+mod voted_before;
 
 pub(super) use choice::LabelChoice;
 use folders::make_folder_of;

@@ -42,6 +42,9 @@ impl Session {
         }
         self.preparing = None;
         self.hover(None);
+        // Results are known by number, and every project counts its own.
+        (self.cloud, self.surfaces) = Default::default();
+        (self.sparse, self.growing) = Default::default();
         self.suggestions.clear();
         self.interactions = 0;
         let was_open = self.open.take().is_some() | self.inspected.take().is_some();
@@ -93,8 +96,8 @@ fn read_frames(new: &NewProject, progress: &Progress) -> Result<Opened> {
     let all = OpenRequest { every: 1, from: None, to: None, ..new.open.clone() };
     let request = if new.cameras.is_some() { &all } else { &new.open };
     let mut opened = frames::open(request, progress)?;
-    if let Some(intrinsics) = new.intrinsics {
-        attach_intrinsics(&mut opened.frames, intrinsics)?;
+    if let Some(intrinsics) = &new.intrinsics {
+        attach_intrinsics(&mut opened.frames, &intrinsics.read()?)?;
     }
     if let Some(path) = &new.cameras {
         let warnings = GivenCameras::read(path)?.match_to(&mut opened.frames)?;

@@ -48,7 +48,7 @@ impl Session {
         Ok(self.start("Reconstruct", Kind::Long, move |link| {
             let mut work = work;
             if let Some(camera_work) = camera_work {
-                let found = camera_work.find(&link.progress)?;
+                let found = camera_work.find(link)?;
                 let stopped = found.stopped;
                 work.project = Arc::new(found.applied()?);
                 link.send(move |session: &mut Self| found.land(session))?;
@@ -122,7 +122,15 @@ pub(super) fn is_posed(frame: &Frame) -> bool {
 /// The record of a result that came with the frames.
 pub(super) fn given(kind: ResultKind, frames: usize, settings: &str) -> Edit {
     let settings = settings.to_owned();
-    let record =
-        ResultRecord { engine: "given".into(), frames, seconds: 0.0, stale: false, settings, version: 0, voxel: None };
+    let record = ResultRecord {
+        engine: "given".into(),
+        frames,
+        seconds: 0.0,
+        stale: false,
+        settings,
+        version: 0,
+        voxel: None,
+        geometry: None,
+    };
     Edit::SetResult { kind, record: Some(record) }
 }

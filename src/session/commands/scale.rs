@@ -7,7 +7,9 @@ use crate::frames::cameras::{ModelEncoding, write_colmap_model};
 use crate::frames::{DepthSource, Frame};
 use crate::geometry::{Sighting, triangulate};
 use crate::session::jobs::{Kind, Landing};
-use crate::session::store::{load_outcomes, load_sparse, save_outcomes, sparse_path, sync_folder, version_in_force};
+use crate::session::store::{
+    load_links, load_outcomes, load_sparse, save_links, save_outcomes, sparse_path, sync_folder, version_in_force,
+};
 use crate::session::{Edit, Event, JobId, Project, ResultKind, ScaleEnd, ScaleRequest, Session};
 
 impl Session {
@@ -27,6 +29,7 @@ impl Session {
                 let folder = sparse_path(&root, version);
                 write_colmap_model(&folder, &frames, &sparse, ModelEncoding::Text)?;
                 save_outcomes(&folder, &load_outcomes(&sparse_path(&root, before))?)?;
+                save_links(&folder, &load_links(&sparse_path(&root, before))?)?;
                 sync_folder(&root.join("versions"))?;
             }
             Ok(Box::new(move |session: &mut Self| session.take_scale(&project, &frames, factor, version)) as Landing)

@@ -69,6 +69,7 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
         settings: settings(&views, &made, &options, &engine),
         version,
         voxel: None,
+        geometry: None,
     };
     ensure!(record.frames > 0, "no frame got depth: {}", warnings.first().map_or("", String::as_str));
     Ok(link.send(move |session: &mut Session| session.take_depths(&project, &made, record, warnings))?)

@@ -3,15 +3,16 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::fuse::stereo_version;
+use super::fuse::{save_votes, stereo_version};
+use super::voted_before::VotedBefore;
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
 use crate::masks::LabelId;
-use crate::scene::fuse::{OntoOptions, ProjectViews, SeenPoints, pixel_footprint, vote_seen};
+use crate::scene::fuse::{OntoOptions, ProjectViews, SeenPoints, Votes, pixel_footprint, vote_seen};
 use crate::scene::ply::{Coloring, save_mesh};
 use crate::scene::volume::{VolumeOptions, reconstruct_surface};
 use crate::scene::{LabelledMesh, SceneError};
-use crate::session::store::{DepthFolder, mesh_path};
+use crate::session::store::{DepthFolder, mesh_path, mesh_votes_path};
 use crate::session::{FuseRequest, Project};
 
 /// What a surface is made of.
@@ -35,12 +36,18 @@ impl Sources<'_> {
     ///
     /// # Errors
     /// A stop; what reading a frame or writing the file says.
-    pub(super) fn make_surface(&self, version: u64, progress: &Progress) -> Result<Made> {
+    pub(super) fn make_surface(&self, version: u64, before: Option<&VotedBefore>, progress: &Progress) -> Result<Made> {
         if self.request.onto.is_some() {
             return Ok(Made::Nothing(None));
         }
         let masks = |frame: usize| self.project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
         let views = ProjectViews { frames: &self.project.frames, store: self.store, masks: &masks };
+        if let Some(before) = before
+            && let Some((mesh, votes)) = before.surface(&views, self.project, progress)?
+        {
+            self.save(version, &mesh, &votes, progress)?;
+            return Ok(before.record.voxel.map_or(Made::Nothing(None), |voxel| Made::Surface { voxel }));
+        }
         let Some(voxel) = self.voxel(&views)? else { return Ok(Made::Nothing(None)) };
         let mut options =
             VolumeOptions { voxel, only_labelled: self.request.drop_unlabelled, ..VolumeOptions::default() };
@@ -57,9 +64,15 @@ impl Sources<'_> {
         if surface.mesh.triangles.is_empty() {
             return Ok(Made::Nothing(Some("no surface was made: the depths hold none at this voxel size".into())));
         }
-        let mesh = self.vote(surface.mesh, &views, progress)?;
-        save_mesh(&mesh_path(self.root, version), &mesh, Coloring::Picture, progress)?;
+        let (mesh, votes) = self.vote(surface.mesh, &views, progress)?;
+        self.save(version, &mesh, &votes, progress)?;
         Ok(Made::Surface { voxel: options.voxel })
+    }
+
+    /// Votes on vertices are kept where they may be asked again: not where some were left out.
+    fn save(&self, version: u64, mesh: &LabelledMesh, votes: &Votes, progress: &Progress) -> Result<()> {
+        save_mesh(&mesh_path(self.root, version), mesh, Coloring::Picture, progress)?;
+        if self.request.drop_unlabelled { Ok(()) } else { save_votes(&mesh_votes_path(self.root, version), votes) }
     }
 
     /// The edge asked for; otherwise what a pixel of the depth maps covers.
@@ -78,16 +91,20 @@ impl Sources<'_> {
         Ok(Some(footprint * f64::from(side.max(max_side)) / f64::from(max_side.max(1))))
     }
 
-    fn vote(&self, mut mesh: LabelledMesh, views: &ProjectViews<'_>, progress: &Progress) -> Result<LabelledMesh> {
+    fn vote(
+        &self,
+        mut mesh: LabelledMesh,
+        views: &ProjectViews<'_>,
+        progress: &Progress,
+    ) -> Result<(LabelledMesh, Votes)> {
         let min_confidence = self.request.min_confidence.unwrap_or(0.0);
         let onto = OntoOptions { min_confidence, ..OntoOptions::default() };
         let voted = vote_seen(&mesh.vertices, &SeenPoints::new(), views, &self.project.labels, &onto, progress)?;
         mesh.vertices = voted.cloud;
-        if !self.request.drop_unlabelled {
-            return Ok(mesh);
+        if self.request.drop_unlabelled {
+            let is_labelled = |vertex: &u32| mesh.vertices.labels[*vertex as usize] != LabelId::NONE;
+            mesh = mesh.filter(|at| mesh.triangles[at].iter().all(is_labelled));
         }
-        let is_labelled =
-            |at: usize| mesh.triangles[at].iter().all(|&vertex| mesh.vertices.labels[vertex as usize] != LabelId::NONE);
-        Ok(mesh.filter(is_labelled))
+        Ok((mesh, voted.votes))
     }
 }

@@ -174,6 +174,7 @@ impl TrackRun {
             settings: self.settings.clone(),
             version: 0,
             voxel: None,
+            geometry: None,
         }
     }
 }

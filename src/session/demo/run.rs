@@ -9,6 +9,7 @@ use super::report::{CloudReport, DemoReport, MaskReport};
 use super::studio::{Studio, Watch};
 use super::user::SimulatedUser;
 use crate::engine::job::Progress;
+use crate::frames::cameras::IntrinsicsSource;
 use crate::frames::{Frame, FrameFolder, OpenRequest};
 use crate::geometry::{Alignment, Camera, Similarity};
 use crate::masks::LabelMask;
@@ -174,8 +175,9 @@ fn new_project(out: &Path, method: DemoMethod, views: &[View]) -> NewProject {
         root: out.join("project"),
         open: OpenRequest { sources: vec![source], depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() },
         cameras: given("sparse", method == DemoMethod::Given),
-        intrinsics: camera
-            .map(|Camera { focal_px, principal_px, .. }| [focal_px.x, focal_px.y, principal_px.x, principal_px.y]),
+        intrinsics: camera.map(|Camera { focal_px, principal_px, .. }| {
+            IntrinsicsSource::Values([focal_px.x, focal_px.y, principal_px.x, principal_px.y])
+        }),
     }
 }
 

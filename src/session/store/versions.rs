@@ -14,7 +14,7 @@ use crate::session::{Edit, History, Project, ResultKind};
 /// Results that have files of their own.
 const KINDS: [ResultKind; 3] = [ResultKind::Cloud, ResultKind::Cameras, ResultKind::Depths];
 
-/// Plain name, and what stands before and after the number under `versions/`.
+/// Plain name of what is published, and what stands before and after the number under `versions/`.
 const FILES: [(&str, &str, &str); 3] =
     [("cloud.ply", "cloud-", ".ply"), ("votes.bin", "votes-", ".bin"), ("mesh.ply", "mesh-", ".ply")];
 
@@ -38,6 +38,11 @@ pub fn votes_path(root: &Path, version: u64) -> PathBuf {
 /// Where the surface of a version of the labelled cloud lies; not every version has one.
 pub fn mesh_path(root: &Path, version: u64) -> PathBuf {
     root.join(format!("versions/mesh-{version}.ply"))
+}
+
+/// Where the votes on that surface's vertices lie, where they may be asked again.
+pub fn mesh_votes_path(root: &Path, version: u64) -> PathBuf {
+    root.join(format!("versions/surface-votes-{version}.bin"))
 }
 
 /// Where a version of the sparse model lies: a folder with a COLMAP text model.
@@ -168,6 +173,7 @@ fn remove(root: &Path, version: u64, kind: ResultKind) {
             let _ = fs::remove_file(cloud_path(root, version));
             let _ = fs::remove_file(votes_path(root, version));
             let _ = fs::remove_file(mesh_path(root, version));
+            let _ = fs::remove_file(mesh_votes_path(root, version));
         }
     }
 }

@@ -1,11 +1,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::making::{anchor, perform, pictures, project, tracked};
+use super::making::{anchor, perform, pictures, project, record, tracked};
 use crate::engine::job::Progress;
 use crate::frames::{FrameFolder, OpenRequest};
-use crate::session::store::{Folder, Loaded};
-use crate::session::{Command, Edit, NewProject, OpenProject, Session};
+use crate::scene::LabelledCloud;
+use crate::scene::ply::{Coloring, save_ply};
+use crate::session::store::{Folder, Loaded, cloud_path};
+use crate::session::{Command, Edit, NewProject, OpenProject, ResultKind, ResultRecord, Session};
 
 fn open(root: &Path) -> anyhow::Result<Loaded> {
     Folder::open(root, &Progress::default())
@@ -207,4 +209,29 @@ fn a_read_only_folder_is_refused() {
     assert!(format!("{:#}", made.unwrap_err()).contains("cannot be written"));
     assert_eq!(snapshot(&root), before);
     fs::set_permissions(&root, fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+/// A project in `root` whose only result is a cloud of so many points.
+fn with_cloud(root: &Path, points: usize) {
+    let mut open = OpenProject::create(root, project()).unwrap();
+    let version = open.next_version().unwrap();
+    let cloud = LabelledCloud::from_positions(vec![glam::Vec3::ONE; points]);
+    save_ply(&cloud_path(root, version), &cloud, Coloring::Picture, &Progress::default()).unwrap();
+    let record = ResultRecord { version, ..record("fuse") };
+    open.commit("Fuse", vec![Edit::SetResult { kind: ResultKind::Cloud, record: Some(record) }]).unwrap();
+    open.save_now().unwrap();
+}
+
+#[test]
+fn a_project_never_shows_the_cloud_of_the_one_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = Session::new();
+    for (name, points) in [("a", 3), ("b", 5)] {
+        let root = folder.path().join(name);
+        with_cloud(&root, points);
+        perform(&mut session, Command::Open(root)).unwrap();
+        assert!(session.cloud().is_none(), "{name}: it is not loaded yet");
+        session.settle(|_| std::ops::ControlFlow::Continue(()));
+        assert_eq!(session.cloud().unwrap().len(), points, "{name}");
+    }
 }

@@ -39,7 +39,16 @@ pub fn tracked(ids: [u16; 3]) -> FrameMask {
 
 pub fn record(engine: &str) -> ResultRecord {
     let settings = "made for a test".into();
-    ResultRecord { engine: engine.into(), frames: 2, seconds: 0.1, stale: false, settings, version: 0, voxel: None }
+    ResultRecord {
+        engine: engine.into(),
+        frames: 2,
+        seconds: 0.1,
+        stale: false,
+        settings,
+        version: 0,
+        voxel: None,
+        geometry: None,
+    }
 }
 
 /// Five frames, two labels, nothing else.

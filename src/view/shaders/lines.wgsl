@@ -4,6 +4,7 @@ struct Eye {
     clip_from_world: mat4x4<f32>,
     view: vec4<f32>,
     disc: vec4<f32>,
+    place: vec4<f32>,
 };
 
 @group(0) @binding(0) var<uniform> eye: Eye;

@@ -6,6 +6,7 @@ struct Eye {
     view: vec4<f32>,
     // x: smallest, y: largest disc radius in pixels.
     disc: vec4<f32>,
+    place: vec4<f32>,
 };
 
 @group(0) @binding(0) var<uniform> eye: Eye;

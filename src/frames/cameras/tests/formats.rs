@@ -12,7 +12,7 @@ const INTRINSICS: [f64; 4] = [500.0, 510.0, 320.0, 240.0];
 /// The cameras in `path` on frames that have intrinsics already.
 fn matched(path: &Path, names: &[&str]) -> Vec<FrameCamera> {
     let mut all = frames(names);
-    attach_intrinsics(&mut all, INTRINSICS).unwrap();
+    attach_intrinsics(&mut all, &INTRINSICS.into()).unwrap();
     let warnings = GivenCameras::read(path).unwrap().match_to(&mut all).unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     all.iter().map(|frame: &Frame| frame.camera.unwrap()).collect()

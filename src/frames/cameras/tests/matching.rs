@@ -91,27 +91,27 @@ fn poses_without_intrinsics_ask_for_them() {
     let mut all = frames(&["a.png"]);
     assert!(!cameras.have_intrinsics());
     assert!(cameras.match_to(&mut all).unwrap_err().to_string().contains("--intrinsics"));
-    attach_intrinsics(&mut all, [400.0, 401.0, 300.0, 200.0]).unwrap();
+    attach_intrinsics(&mut all, &[400.0, 401.0, 300.0, 200.0].into()).unwrap();
     cameras.match_to(&mut all).unwrap();
     let intrinsics = Camera::pinhole(640, 480, 400.0, 401.0, 300.0, 200.0);
     assert_eq!(all[0].camera, Some(FrameCamera::given(intrinsics, Some(pose(0)))));
     // Intrinsics given later keep the pose.
-    attach_intrinsics(&mut all, [410.0, 401.0, 300.0, 200.0]).unwrap();
+    attach_intrinsics(&mut all, &[410.0, 401.0, 300.0, 200.0].into()).unwrap();
     assert_eq!(all[0].posed_camera().unwrap().1, &pose(0));
 }
 
 #[test]
 fn one_set_of_intrinsics_fits_one_stored_size() {
     let mut all = vec![frame("a.png", 640, 480, 1), frame("b.png", 480, 640, 6)];
-    attach_intrinsics(&mut all, [500.0, 510.0, 300.0, 200.0]).unwrap();
+    attach_intrinsics(&mut all, &[500.0, 510.0, 300.0, 200.0].into()).unwrap();
     let turned = all[1].camera.unwrap().intrinsics;
     assert_eq!(turned, Camera::pinhole(480, 640, 510.0, 500.0, 280.0, 300.0));
     all.push(frame("c.png", 480, 640, 1));
-    let error = attach_intrinsics(&mut all, [1.0; 4]).unwrap_err().to_string();
+    let error = attach_intrinsics(&mut all, &[1.0; 4].into()).unwrap_err().to_string();
     assert!(error.contains("a.png") && error.contains("c.png"), "{error}");
     assert_eq!(all[0].camera.unwrap().intrinsics.focal_px.x, 500.0);
-    assert!(attach_intrinsics(&mut all[..1], [0.0, 1.0, 1.0, 1.0]).is_err());
-    assert!(attach_intrinsics(&mut all[..1], [f64::NAN, 1.0, 1.0, 1.0]).is_err());
+    assert!(attach_intrinsics(&mut all[..1], &[0.0, 1.0, 1.0, 1.0].into()).is_err());
+    assert!(attach_intrinsics(&mut all[..1], &[f64::NAN, 1.0, 1.0, 1.0].into()).is_err());
 }
 
 #[test]
@@ -120,7 +120,7 @@ fn numbers_that_do_not_fit_leave_frames_out_with_a_warning() {
     let text: String = (0..3).map(|i| format!("{i} {i} 0\n{}\n", super::world_from_camera_text(&pose(i)))).collect();
     write(folder.path(), "t.log", text);
     let mut all = frames(&["0001.png", "0002.png", "0005.png", "0006.png"]);
-    attach_intrinsics(&mut all, [500.0, 500.0, 320.0, 240.0]).unwrap();
+    attach_intrinsics(&mut all, &[500.0, 500.0, 320.0, 240.0].into()).unwrap();
     let warnings = GivenCameras::read(&folder.path().join("t.log")).unwrap().match_to(&mut all).unwrap();
     assert!(warnings.len() == 1 && warnings[0].ends_with("0005.png, 0006.png"), "{warnings:?}");
     assert!(all[3].camera.unwrap().camera_from_world.is_none());

@@ -1,4 +1,6 @@
+use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
@@ -7,7 +9,7 @@ use super::room::{camera, hand_at, seen};
 use crate::engine::job::Progress;
 use crate::frames::{DepthMap, DepthSource, Frame, FrameCamera, FrameStore, Image, PictureSource};
 use crate::geometry::{Alignment, Pose, Similarity};
-use crate::scene::rgbd::{RgbdError, RgbdOptions, RgbdRequest, RgbdResult, register_rgbd};
+use crate::scene::rgbd::{LinkKind, OnPose, RgbdError, RgbdOptions, RgbdRequest, RgbdResult, register_rgbd};
 use crate::scene::sfm::matching::NearestMatcher;
 use crate::scene::sfm::{FeatureError, FeatureMatcher, Features, Outcome, Sift};
 
@@ -58,8 +60,19 @@ impl Recording {
         every: usize,
         progress: &Progress,
     ) -> Result<RgbdResult, RgbdError> {
+        self.register_watched(matcher, every, progress, &|_, _| ())
+    }
+
+    fn register_watched(
+        &self,
+        matcher: &dyn FeatureMatcher,
+        every: usize,
+        progress: &Progress,
+        on_pose: &OnPose<'_>,
+    ) -> Result<RgbdResult, RgbdError> {
         let (chosen, between): (Vec<usize>, Vec<usize>) = (0..self.frames.len()).partition(|frame| frame % every == 0);
         let request = RgbdRequest {
+            on_pose,
             frames: &self.frames,
             chosen: &chosen,
             between: &between,
@@ -159,6 +172,9 @@ fn pieces_without_features_are_joined_by_their_shape() {
     let result = recording.register(&Blind, 1).unwrap();
     assert_eq!(result.cameras.len(), 20, "{:?}", result.outcomes);
     recording.assert_true(&result);
+    let by_shape = result.links.iter().filter(|link| link.kind == LinkKind::Shape && link.holds);
+    assert!(by_shape.clone().count() >= 2, "{:?}", result.links);
+    assert!(by_shape.clone().all(|link| (link.frames[0] < 8) != (link.frames[1] < 8)), "between the two pieces");
 }
 
 /// Stops the work after some pairs were matched.
@@ -213,6 +229,22 @@ fn frames_between_are_placed_beside_the_others() {
     let result = recording.register(&NearestMatcher::for_bytes(), 3).unwrap();
     assert_eq!(result.cameras.len(), 13);
     recording.assert_true(&result);
+}
+
+#[test]
+fn who_looks_on_sees_the_cameras_one_after_the_other_and_then_as_they_end() {
+    let recording = Recording::of(0..9);
+    let told = Mutex::new(Vec::new());
+    let take = |frame: usize, pose: &Pose| told.lock().unwrap().push((frame, *pose));
+    let result = recording.register_watched(&NearestMatcher::for_bytes(), 2, &Progress::default(), &take).unwrap();
+    let told = told.into_inner().unwrap();
+    let first: Vec<usize> = told.iter().map(|(frame, _)| *frame).take(5).collect();
+    assert_eq!(first, [0, 2, 4, 6, 8], "while odometry goes on");
+    let end: BTreeMap<usize, Pose> = told.into_iter().collect();
+    assert_eq!(end.len(), 9);
+    for (frame, camera) in &result.cameras {
+        assert!(end[frame].centre().distance(camera.camera_from_world.unwrap().centre()) < 1e-9, "{frame}");
+    }
 }
 
 #[test]

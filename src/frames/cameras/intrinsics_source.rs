@@ -1,0 +1,133 @@
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+use super::GivenIntrinsics;
+use super::lines::{TextFile, invalid};
+use crate::frames::FrameError;
+
+/// Intrinsics for all frames of a recording: numbers, or a file as recorders write it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum IntrinsicsSource {
+    /// Focal lengths `fx`, `fy`, principal point `cx`, `cy` in pixels of the stored picture, centre of the top-left pixel at
+    /// (0.5, 0.5).
+    Values([f64; 4]),
+    /// Open3D's `intrinsic.json` (Azure Kinect and RealSense recorders write it too), or a text of a 3 × 3 or 4 × 4 camera
+    /// matrix as in ScanNet (`intrinsic_color.txt`). In both the centre of the top-left pixel is at (0, 0).
+    File(PathBuf),
+}
+
+impl IntrinsicsSource {
+    /// What it says.
+    ///
+    /// # Errors
+    /// [`FrameError`] that names the file when it cannot be read or holds no camera matrix.
+    pub fn read(&self) -> Result<GivenIntrinsics, FrameError> {
+        match self {
+            Self::Values(values) => Ok((*values).into()),
+            Self::File(path) if path.extension().is_some_and(|ending| ending == "json") => read_json(path),
+            Self::File(path) => read_matrix(path),
+        }
+    }
+}
+
+impl From<[f64; 4]> for GivenIntrinsics {
+    fn from([fx, fy, cx, cy]: [f64; 4]) -> Self {
+        Self::pinhole(DVec2::new(fx, fy), DVec2::new(cx, cy))
+    }
+}
+
+impl FromStr for IntrinsicsSource {
+    type Err = String;
+
+    /// `FX,FY,CX,CY` with focal lengths above 0; anything else that is no list of numbers is a path.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+        let Ok(numbers) = numbers else {
+            let lists = text.contains(',') && !Path::new(text.trim()).exists();
+            let wrong = || "intrinsics are four numbers, FX,FY,CX,CY, or a file that holds a camera matrix".into();
+            return if lists { Err(wrong()) } else { Ok(Self::File(text.trim().into())) };
+        };
+        match <[f64; 4]>::try_from(numbers) {
+            Ok(values) if values[0] > 0.0 && values[1] > 0.0 => Ok(Self::Values(values)),
+            Ok(_) => Err("focal lengths must be above 0".into()),
+            Err(numbers) => Err(format!("intrinsics are four numbers, FX,FY,CX,CY, not {}", numbers.len())),
+        }
+    }
+}
+
+/// What Open3D writes; the matrix column by column.
+#[derive(Deserialize)]
+struct Open3d {
+    width: u32,
+    height: u32,
+    intrinsic_matrix: [f64; 9],
+}
+
+fn read_json(path: &Path) -> Result<GivenIntrinsics, FrameError> {
+    let read: Open3d = serde_json::from_str(&TextFile::read(path)?.text).map_err(|error| {
+        invalid(path, format!("holds no width, height and intrinsic_matrix as Open3D's do ({error})"))
+    })?;
+    let m = read.intrinsic_matrix;
+    Ok(GivenIntrinsics { size: Some([read.width, read.height]), ..from_matrix(path, [m[0], m[4], m[6], m[7]], m[8])? })
+}
+
+fn read_matrix(path: &Path) -> Result<GivenIntrinsics, FrameError> {
+    let file = TextFile::read(path)?;
+    let (values, last) = match file.numbers::<9>() {
+        Ok(m) => ([m[0], m[4], m[2], m[5]], m[8]),
+        Err(_) => {
+            let m: [f64; 16] = file
+                .numbers()
+                .map_err(|_| invalid(path, "holds no camera matrix of 3 × 3 or 4 × 4 numbers; check the file"))?;
+            ([m[0], m[5], m[2], m[6]], m[10])
+        }
+    };
+    from_matrix(path, values, last)
+}
+
+/// From the entries of a camera matrix whose last one is 1.
+fn from_matrix(path: &Path, [fx, fy, cx, cy]: [f64; 4], last: f64) -> Result<GivenIntrinsics, FrameError> {
+    if (last - 1.0).abs() > 1e-9 || !(fx > 0.0 && fy > 0.0 && cx > 0.0 && cy > 0.0) {
+        return Err(invalid(path, "holds numbers that are no camera matrix (fx, fy, cx, cy above 0); check the file"));
+    }
+    Ok([fx, fy, cx + 0.5, cy + 0.5].into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_and_files_are_told_apart() {
+        let source = |text: &str| text.parse::<IntrinsicsSource>();
+        assert_eq!(source("500, 501.5,320,240"), Ok(IntrinsicsSource::Values([500.0, 501.5, 320.0, 240.0])));
+        assert_eq!(source("camera/intrinsic.json"), Ok(IntrinsicsSource::File("camera/intrinsic.json".into())));
+        for wrong in ["500,501,320", "0,1,2,3", "500,x,320,240", "500"] {
+            assert!(source(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn files_count_from_the_middle_of_the_first_pixel() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            IntrinsicsSource::File(path).read().map_err(|error| error.to_string())
+        };
+        let expected: GivenIntrinsics = [525.0, 526.0, 320.0, 240.0].into();
+        let open3d = r#"{"width": 640, "height": 480, "intrinsic_matrix": [525, 0, 0, 0, 526, 0, 319.5, 239.5, 1]}"#;
+        let json = read("intrinsic.json", open3d).unwrap();
+        assert_eq!(json, GivenIntrinsics { size: Some([640, 480]), ..expected });
+        assert!(json.for_picture(320, 240).unwrap_err().contains("640x480"));
+        let three = "525 0 319.5\n0 526 239.5\n0 0 1\n";
+        let four = "525 0 319.5 0\n0 526 239.5 0\n0 0 1 0\n0 0 0 1\n";
+        assert_eq!((read("k.txt", three), read("intrinsic_color.txt", four)), (Ok(expected), Ok(expected)));
+        assert!(read("pose.txt", "1 0 0 0\n0 1 0 0\n0 0 1 2\n0 0 0 1\n").unwrap_err().contains("pose.txt"));
+        assert!(read("other.json", "{}").unwrap_err().contains("other.json"));
+    }
+}

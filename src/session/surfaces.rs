@@ -1,0 +1,102 @@
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+
+use super::cloud::read_votes_file;
+use super::jobs::{Kind, Landing};
+use super::on_demand::OnDemand;
+use super::store::{cloud_path, mesh_path, version_in_force, votes_path};
+use super::{Event, ResultKind, Session};
+use crate::engine::job::Progress;
+use crate::scene::fuse::Votes;
+use crate::scene::ply::{read_mesh, read_ply};
+use crate::scene::{LabelledCloud, LabelledMesh, voxel_faces, voxelize};
+
+/// What can be drawn of a result besides its points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Surface {
+    /// The mesh, every triangle in one label.
+    Mesh,
+    /// The outer faces of the cubes that hold points, as large as those the mesh was made with.
+    Voxels,
+}
+
+/// What was loaded last: the mesh as it was made, and triangles to be drawn.
+#[derive(Default)]
+pub(super) struct Surfaces {
+    mesh: OnDemand<u64, LabelledMesh>,
+    drawn: OnDemand<(u64, Surface), LabelledMesh>,
+}
+
+impl Session {
+    /// Edge of the voxels of the surface that was made with the project's cloud, world units; `None` where there is no
+    /// cloud, or it has none (a cloud that was given).
+    #[must_use]
+    pub fn surface_voxel(&self) -> Option<f64> {
+        self.project()?.results.get(&ResultKind::Cloud)?.voxel
+    }
+
+    /// The surface that was made with the project's cloud. As [`Self::cloud`] it is loaded by a job when it is first asked
+    /// for: `None` until [`Event::CloudChanged`].
+    #[must_use]
+    pub fn mesh(&self) -> Option<&Arc<LabelledMesh>> {
+        self.surfaces.mesh.get(self.version_with_surface()?)
+    }
+
+    /// Triangles of the project's result to be drawn, under the label ids of the time it was made. Made by a job as
+    /// [`Self::mesh`] is loaded.
+    #[must_use]
+    pub fn surface(&self, surface: Surface) -> Option<&Arc<LabelledMesh>> {
+        self.surfaces.drawn.get((self.version_with_surface()?, surface))
+    }
+
+    fn version_with_surface(&self) -> Option<u64> {
+        self.surface_voxel()?;
+        version_in_force(self.project()?, ResultKind::Cloud)
+    }
+
+    /// Starts to load or make what was asked for.
+    pub(super) fn load_wanted_surfaces(&mut self) {
+        let Some(root) = self.root().map(std::path::Path::to_owned) else { return };
+        if let Some(version) = self.surfaces.mesh.next_wanted() {
+            let path = mesh_path(&root, version);
+            self.start("Load mesh", Kind::Short, move |link| {
+                let mesh = Arc::new(read_mesh(&path, &link.progress).context(NOT_KEPT)?);
+                Ok(Box::new(move |session: &mut Self| {
+                    session.surfaces.mesh.put(version, mesh);
+                    session.events.push(Event::CloudChanged);
+                    Ok(())
+                }) as Landing)
+            });
+        }
+        let Some((version, surface)) = self.surfaces.drawn.next_wanted() else { return };
+        let Some(voxel) = self.surface_voxel() else { return };
+        let loaded = self.cloud.in_force(Some(version));
+        self.start("Load surface", Kind::Short, move |link| {
+            let drawn = match surface {
+                Surface::Mesh => {
+                    read_mesh(&mesh_path(&root, version), &link.progress).context(NOT_KEPT)?.split_at_labels()
+                }
+                Surface::Voxels => {
+                    let (cloud, votes) = match loaded {
+                        Some(loaded) => loaded,
+                        None => load(&root, version, &link.progress)?,
+                    };
+                    voxel_faces(&voxelize(&cloud, Some(&votes), voxel)?, voxel)
+                }
+            };
+            Ok(Box::new(move |session: &mut Self| {
+                session.surfaces.drawn.put((version, surface), Arc::new(drawn));
+                session.events.push(Event::CloudChanged);
+                Ok(())
+            }) as Landing)
+        });
+    }
+}
+
+const NOT_KEPT: &str = "the result of this step is not kept any more; fuse again";
+
+fn load(root: &std::path::Path, version: u64, progress: &Progress) -> Result<(Arc<LabelledCloud>, Arc<Votes>)> {
+    let cloud = read_ply(&cloud_path(root, version), progress).context(NOT_KEPT)?.cloud;
+    Ok((Arc::new(cloud), Arc::new(read_votes_file(&votes_path(root, version))?)))
+}

@@ -1,0 +1,124 @@
+use std::ops::Range;
+use std::sync::Arc;
+
+use wgpu::util::DeviceExt;
+
+use super::coloring::LabelColors;
+use super::pipelines::Pipelines;
+use super::points::{PointInstance, SpreadOrder, pack, spacing};
+use super::scene_view::Scene3d;
+use super::surface_chunks::SurfaceChunks;
+use crate::scene::{LabelledCloud, LabelledMesh};
+
+/// Points per GPU buffer: 8 MB, packed in a few milliseconds.
+const CHUNK: usize = 500_000;
+
+/// What the 3-D view shows.
+#[derive(Debug, Clone)]
+pub enum Model {
+    /// Points as discs.
+    Cloud(Arc<LabelledCloud>),
+    /// Triangles, lit from the camera. Borders of labels are drawn where triangles meet: see
+    /// [`LabelledMesh::split_at_labels`].
+    Surface(Arc<LabelledMesh>),
+    /// The sides of triangles.
+    Wireframe(Arc<LabelledMesh>),
+}
+
+impl Model {
+    /// Whether it is the very same thing, shown in the same way.
+    fn is(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Cloud(a), Self::Cloud(b)) => Arc::ptr_eq(a, b),
+            (Self::Surface(a), Self::Surface(b)) | (Self::Wireframe(a), Self::Wireframe(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        }
+    }
+}
+
+/// A model on its way to the GPU: points, or chunks of triangles, in an order in which every part is spread over the whole.
+pub(super) struct Content {
+    model: Model,
+    /// Distance between points; 0 for triangles.
+    pub(super) spacing: f32,
+    /// How many points or triangles there are.
+    pub(super) len: usize,
+    /// How many the GPU has; the first of the order.
+    pub(super) uploaded: usize,
+    kind: Kind,
+}
+
+enum Kind {
+    Points { order: SpreadOrder, chunks: Vec<wgpu::Buffer> },
+    Surface(SurfaceChunks),
+}
+
+impl Content {
+    pub(super) fn new(model: Model) -> Self {
+        let (len, kind, spacing) = match &model {
+            Model::Cloud(cloud) => {
+                let kind = Kind::Points { order: SpreadOrder::new(cloud.len()), chunks: Vec::new() };
+                (cloud.len(), kind, spacing(cloud))
+            }
+            Model::Surface(mesh) | Model::Wireframe(mesh) => {
+                let edges = matches!(model, Model::Wireframe(_));
+                (mesh.triangles.len(), Kind::Surface(SurfaceChunks::new(mesh.triangles.len(), edges)), 0.0)
+            }
+        };
+        Self { model, spacing, len, uploaded: 0, kind }
+    }
+
+    pub(super) fn shows(&self, model: &Model) -> bool {
+        self.model.is(model)
+    }
+
+    /// Colours are others now: all is to be uploaded anew.
+    pub(super) fn forget(&mut self) {
+        self.uploaded = 0;
+        match &mut self.kind {
+            Kind::Points { chunks, .. } => chunks.clear(),
+            Kind::Surface(chunks) => chunks.clear(),
+        }
+    }
+
+    /// Hands the GPU a bounded part more.
+    pub(super) fn upload_next(&mut self, device: &wgpu::Device, scene: &Scene3d) {
+        let colors =
+            |cloud: &LabelledCloud| LabelColors::new(scene.tree.as_ref().unwrap_or(&cloud.tree), &scene.hidden);
+        match (&self.model, &mut self.kind) {
+            (Model::Cloud(cloud), Kind::Points { order, chunks }) => {
+                let end = (self.uploaded + CHUNK).min(cloud.len());
+                let points = pack(cloud, *order, self.uploaded..end, scene.coloring, &colors(cloud));
+                chunks.push(device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                    label: Some("points"),
+                    contents: bytemuck::cast_slice::<PointInstance, u8>(&points),
+                    usage: wgpu::BufferUsages::VERTEX,
+                }));
+                self.uploaded = end;
+            }
+            (Model::Surface(mesh) | Model::Wireframe(mesh), Kind::Surface(chunks)) => {
+                self.uploaded = chunks.upload_next(device, mesh, scene.coloring, &colors(&mesh.vertices));
+            }
+            _ => {}
+        }
+    }
+
+    /// Draws a part of what is uploaded; gives how far it came, which for triangles is the end of a chunk.
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, pipelines: &Pipelines, part: Range<usize>) -> usize {
+        match &self.kind {
+            Kind::Points { chunks, .. } => {
+                pass.set_pipeline(&pipelines.points);
+                for (index, chunk) in chunks.iter().enumerate() {
+                    let first = index * CHUNK;
+                    let (from, to) = (part.start.max(first), part.end.min(first + CHUNK));
+                    if from < to {
+                        pass.set_vertex_buffer(0, chunk.slice(..));
+                        pass.draw(0..4, (from - first) as u32..(to - first) as u32);
+                    }
+                }
+                part.end
+            }
+            Kind::Surface(chunks) => chunks.draw(pass, pipelines, part),
+        }
+    }
+}

@@ -1,0 +1,157 @@
+use std::ops::Range;
+
+use bytemuck::{Pod, Zeroable};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+use wgpu::util::DeviceExt;
+
+use super::coloring::{Coloring, LabelColors, point_color};
+use super::pipelines::Pipelines;
+use super::points::SpreadOrder;
+use crate::scene::LabelledMesh;
+
+/// Triangles with vertices and indices of their own on the GPU.
+const CHUNK: usize = 4096;
+/// Chunks packed in one call, side by side.
+const AT_ONCE: usize = 64;
+
+/// One vertex on the GPU.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct SurfaceVertex {
+    pub position: [f32; 3],
+    pub color: [u8; 4],
+    /// As shares of 32767; the fourth is unused.
+    pub normal: [i16; 4],
+}
+
+/// A surface in chunks of triangles, which are uploaded and drawn in an order that is spread over the whole.
+pub(super) struct SurfaceChunks {
+    triangles: usize,
+    order: SpreadOrder,
+    /// Only sides are drawn.
+    edges: bool,
+    chunks: Vec<Chunk>,
+}
+
+struct Chunk {
+    vertices: wgpu::Buffer,
+    indices: wgpu::Buffer,
+    index_count: u32,
+    /// Triangles of this chunk and of those before.
+    end: usize,
+}
+
+impl SurfaceChunks {
+    pub(super) fn new(triangles: usize, edges: bool) -> Self {
+        Self { triangles, order: SpreadOrder::new(triangles.div_ceil(CHUNK)), edges, chunks: Vec::new() }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.chunks.clear();
+    }
+
+    /// Uploads a few chunks more; gives the number of triangles uploaded so far.
+    pub(super) fn upload_next(
+        &mut self,
+        device: &wgpu::Device,
+        mesh: &LabelledMesh,
+        coloring: Coloring,
+        labels: &LabelColors,
+    ) -> usize {
+        let first = self.chunks.len();
+        let last = (first + AT_ONCE).min(self.triangles.div_ceil(CHUNK));
+        let triangles = |place: usize| {
+            let from = self.order.at(place) * CHUNK;
+            from..(from + CHUNK).min(self.triangles)
+        };
+        let packed: Vec<_> = (first..last)
+            .into_par_iter()
+            .map(|place| pack(mesh, triangles(place), self.edges, coloring, labels))
+            .collect();
+        for (place, (vertices, indices)) in (first..last).zip(packed) {
+            let buffer = |label, contents, usage| {
+                device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage })
+            };
+            let end = self.uploaded() + triangles(place).len();
+            self.chunks.push(Chunk {
+                vertices: buffer("vertices", bytemuck::cast_slice(&vertices), wgpu::BufferUsages::VERTEX),
+                indices: buffer("indices", bytemuck::cast_slice(&indices), wgpu::BufferUsages::INDEX),
+                index_count: indices.len() as u32,
+                end,
+            });
+        }
+        self.uploaded()
+    }
+
+    fn uploaded(&self) -> usize {
+        self.chunks.last().map_or(0, |chunk| chunk.end)
+    }
+
+    /// Draws the chunks that begin in `part`; gives the end of the last of them.
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, pipelines: &Pipelines, part: Range<usize>) -> usize {
+        pass.set_pipeline(if self.edges { &pipelines.edges } else { &pipelines.surface });
+        let mut begin = 0;
+        for chunk in &self.chunks {
+            if part.contains(&begin) && chunk.index_count > 0 {
+                pass.set_vertex_buffer(0, chunk.vertices.slice(..));
+                pass.set_index_buffer(chunk.indices.slice(..), wgpu::IndexFormat::Uint32);
+                pass.draw_indexed(0..chunk.index_count, 0, 0..1);
+            }
+            begin = chunk.end;
+            if begin >= part.end {
+                break;
+            }
+        }
+        begin
+    }
+}
+
+/// The vertices of some triangles and, by their places, the corners of the triangles or the ends of their sides. Triangles
+/// with a hidden corner are left out.
+fn pack(
+    mesh: &LabelledMesh,
+    triangles: Range<usize>,
+    edges: bool,
+    coloring: Coloring,
+    labels: &LabelColors,
+) -> (Vec<SurfaceVertex>, Vec<u32>) {
+    let (mut vertices, mut indices) = (Vec::new(), Vec::new());
+    let mut places: FxHashMap<u32, Option<u32>> = FxHashMap::default();
+    for &triangle in &mesh.triangles[triangles] {
+        let [Some(a), Some(b), Some(c)] = triangle.map(|vertex| {
+            *places.entry(vertex).or_insert_with(|| {
+                let packed = packed(mesh, vertex as usize, coloring, labels)?;
+                vertices.push(packed);
+                Some(vertices.len() as u32 - 1)
+            })
+        }) else {
+            continue;
+        };
+        if edges {
+            indices.extend([a, b, b, c, c, a]);
+        } else {
+            indices.extend([a, b, c]);
+        }
+    }
+    if edges {
+        indices = once_each(&indices);
+    }
+    (vertices, indices)
+}
+
+fn packed(mesh: &LabelledMesh, vertex: usize, coloring: Coloring, labels: &LabelColors) -> Option<SurfaceVertex> {
+    let [r, g, b] = point_color(&mesh.vertices, vertex, coloring, labels)?;
+    let [x, y, z] =
+        (mesh.vertices.normals[vertex].clamp_length_max(1.0) * 32767.0).to_array().map(|along| along as i16);
+    let position = mesh.vertices.positions[vertex].to_array();
+    Some(SurfaceVertex { position, color: [r, g, b, 255], normal: [x, y, z, 0] })
+}
+
+/// Sides that two triangles share are drawn once.
+fn once_each(ends: &[u32]) -> Vec<u32> {
+    let mut sides: Vec<[u32; 2]> = ends.as_chunks().0.iter().map(|&[a, b]: &[u32; 2]| [a.min(b), a.max(b)]).collect();
+    sides.sort_unstable();
+    sides.dedup();
+    sides.concat()
+}

@@ -1,0 +1,129 @@
+//! RGB-D recordings as people have them on their disks: each is opened with its depths and cameras by one command.
+
+use std::path::{Path, PathBuf};
+
+use image::{ImageBuffer, Luma, Rgb, RgbImage};
+
+use super::sfm::{Project, ostra};
+
+/// Frames in each recording.
+const FRAMES: u32 = 4;
+
+fn picture(path: PathBuf) {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    RgbImage::from_pixel(64, 48, Rgb([90, 120, 60])).save(path).unwrap();
+}
+
+fn depth_picture(path: PathBuf) {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    ImageBuffer::<Luma<u16>, Vec<u16>>::from_pixel(64, 48, Luma([1500])).save(path).unwrap();
+}
+
+/// Camera-to-world of a frame, row by row.
+fn matrix(frame: u32) -> String {
+    format!("1 0 0 {}\n0 1 0 0.25\n0 0 1 0\n0 0 0 1\n", 0.1 * f64::from(frame))
+}
+
+/// A `.log` trajectory that counts from `first`.
+fn log(first: u32) -> String {
+    (0..FRAMES).map(|k| format!("{0} {0} {1}\n{2}", k + first, k + first + 1, matrix(k))).collect()
+}
+
+/// Opens a recording and checks that each frame has its depth, and the camera of its own number or none.
+fn opens(root: &Path, color: &str, depth: &str, more: &[&str], lost: &[usize]) {
+    let [color, depth] = [color, depth].map(|name| root.join(name).display().to_string());
+    let project = Project::new(Path::new(&color), &[&["--depth", &depth][..], more].concat());
+    let info = project.info();
+    for (number, frame) in info["frames"].as_array().unwrap().iter().enumerate() {
+        assert_eq!(frame["depth"], true, "{frame}");
+        assert_eq!(frame["camera"], !lost.contains(&number), "{frame}");
+    }
+    let out = root.join("out").display().to_string();
+    project.done(&["export", &project.root(), "--cameras", &out]);
+    let images = std::fs::read_to_string(Path::new(&out).join("images.txt")).unwrap();
+    let lines: Vec<&str> = images.lines().filter(|line| line.contains(['j', 'p']) && !line.starts_with('#')).collect();
+    assert_eq!(lines.len(), FRAMES as usize - lost.len(), "{images}");
+    for line in lines {
+        // The number in the picture's name and the shift of its camera are one; the first number may be 0 or 1.
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let number = (0..FRAMES).find(|&k| (words[5].parse::<f64>().unwrap() + 0.1 * f64::from(k)).abs() < 1e-9);
+        let name = info["frames"][number.unwrap() as usize]["name"].as_str().unwrap();
+        assert_eq!(words[9], name, "{line}");
+    }
+}
+
+fn write(path: &Path, text: &str) -> String {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(path, text).unwrap();
+    path.display().to_string()
+}
+
+const NUMBERS: [&str; 2] = ["--intrinsics", "60,60,32,24"];
+const OPEN3D: &str = r#"{"width": 64, "height": 48, "intrinsic_matrix": [60, 0, 0, 0, 60, 0, 31.5, 23.5, 1]}"#;
+
+#[test]
+fn scenenn() {
+    let root = tempfile::tempdir().unwrap();
+    for k in 1..=FRAMES {
+        picture(root.path().join(format!("image/image{k:05}.png")));
+        depth_picture(root.path().join(format!("depth/depth{k:05}.png")));
+    }
+    let trajectory = write(&root.path().join("trajectory.log"), &log(0));
+    opens(root.path(), "image", "depth", &[&["--cameras", &trajectory][..], &NUMBERS].concat(), &[]);
+}
+
+#[test]
+fn stanford_and_redwood() {
+    let root = tempfile::tempdir().unwrap();
+    for k in 1..=FRAMES {
+        picture(root.path().join(format!("lounge_color/{k:06}.png")));
+        depth_picture(root.path().join(format!("lounge_depth/{k:06}.png")));
+    }
+    let trajectory = write(&root.path().join("lounge_trajectory.log"), &log(0));
+    let json = write(&root.path().join("camera_intrinsic.json"), OPEN3D);
+    let cameras = ["--cameras", &trajectory, "--intrinsics", &json];
+    opens(root.path(), "lounge_color", "lounge_depth", &cameras, &[]);
+
+    // Redwood's scans: number and time, the times of both not quite the same.
+    for k in 1..=FRAMES {
+        picture(root.path().join(format!("scan/rgb/{k:07}-{:012}.jpg", 33_369 * (k - 1))));
+        depth_picture(root.path().join(format!("scan/depth/{k:07}-{:012}.png", 33_369 * (k - 1) + 11)));
+    }
+    opens(root.path(), "scan/rgb", "scan/depth", &cameras, &[]);
+}
+
+#[test]
+fn scannet() {
+    let root = tempfile::tempdir().unwrap();
+    for k in 0..FRAMES {
+        picture(root.path().join(format!("color/{k}.jpg")));
+        depth_picture(root.path().join(format!("depth/{k}.png")));
+        let lost = "-inf -inf -inf -inf\n".repeat(4);
+        write(&root.path().join(format!("pose/{k}.txt")), &if k == 2 { lost } else { matrix(k) });
+    }
+    let intrinsics = "60 0 31.5 0\n0 60 23.5 0\n0 0 1 0\n0 0 0 1\n";
+    let intrinsics = write(&root.path().join("intrinsic/intrinsic_color.txt"), intrinsics);
+    let poses = root.path().join("pose").display().to_string();
+    opens(root.path(), "color", "depth", &["--cameras", &poses, "--intrinsics", &intrinsics], &[2]);
+}
+
+#[test]
+fn frames_of_an_azure_kinect_or_realsense_recorder_without_poses() {
+    let root = tempfile::tempdir().unwrap();
+    for k in 0..FRAMES {
+        picture(root.path().join(format!("color/{k:05}.jpg")));
+        depth_picture(root.path().join(format!("depth/{k:05}.png")));
+    }
+    let json = write(&root.path().join("intrinsic.json"), OPEN3D);
+    let depth = root.path().join("depth").display().to_string();
+    let project = Project::new(&root.path().join("color"), &["--depth", &depth, "--intrinsics", &json]);
+    assert!(project.info()["frames"].as_array().unwrap().iter().all(|frame| frame["depth"] == true));
+
+    let other = write(&root.path().join("other.json"), &OPEN3D.replace("64", "1280"));
+    let (place, color) =
+        (root.path().join("p2").display().to_string(), root.path().join("color").display().to_string());
+    let refused = ostra(&["new", &place, "--frames", &color, "--intrinsics", &other]);
+    let text = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(1), "{text}");
+    assert!(text.contains("1280x48") && text.contains("64x48"), "{text}");
+}
