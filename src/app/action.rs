@@ -45,6 +45,10 @@ pub enum Action {
     ClearFrame,
     /// Accepts a tracked mask as it is.
     MakeAnchor,
+    /// The vote of all frames becomes this frame's mask.
+    AcceptVote,
+    /// The same for the chosen label.
+    AcceptLabelVote,
     /// The range of frames begins at the shown one.
     RangeFrom,
     /// The range of frames ends at the shown one.
@@ -99,6 +103,10 @@ pub enum Action {
     LastFrame,
     /// Next frame whose mask is stale or uncertain.
     NextDoubtful,
+    /// The point of the cloud under the pointer.
+    FindInScene,
+    /// To the frame that contradicts the vote of all most, then down that list.
+    NextWorst,
     /// Carries masks both ways.
     Track,
     /// Carries masks to later frames.
@@ -303,6 +311,8 @@ const LIST: &[Row] = {
         A::ClearLabelHere, EDIT, false, "Remove label from this frame", "Takes the chosen label's clicks and pixels off this frame", plain(Key::Delete);
         A::ClearFrame, EDIT, false, "Clear this frame", "Takes all clicks and the whole mask off this frame", shift(Key::Delete);
         A::MakeAnchor, EDIT, false, "Make this frame an anchor", "Accepts the tracked mask as it is; trackers keep it from now on", plain(Key::C);
+        A::AcceptVote, EDIT, false, "Accept the 3-D vote on this frame", "Gives this frame the mask that all frames voted for; it becomes an anchor", shift(Key::A);
+        A::AcceptLabelVote, EDIT, false, "Accept the 3-D vote for this label", "The same for the chosen label alone", ctrl_shift(Key::A);
         A::RangeFrom, RANGE, false, "Range begins here", "Changes of the chosen label go over frames from this one on", plain(Key::I);
         A::RangeTo, RANGE, false, "Range ends here", "Changes of the chosen label go over frames up to this one", shift(Key::I);
         A::DropRange, RANGE, false, "Drop range", "Changes go over the shown frame alone again", ctrl(Key::I);
@@ -349,6 +359,8 @@ const LIST: &[Row] = {
         A::FirstFrame, GO, false, "First frame", "To the first frame", plain(Key::Home);
         A::LastFrame, GO, false, "Last frame", "To the last frame", plain(Key::End);
         A::NextDoubtful, GO, true, "Next frame to check", "To the next frame whose mask is stale or uncertain", plain(Key::D);
+        A::NextWorst, GO, false, "Next worst frame", "To the frame whose mask contradicts the 3-D vote most, then to the next after it", shift(Key::D);
+        A::FindInScene, GO, false, "Find in 3-D", "Asks about the point of the cloud under the pointer and brings it into the middle of the 3-D view", plain(Key::Z);
         A::Track, RUN, false, "Track both ways", "Carries the anchors' masks to all frames", plain(Key::T);
         A::TrackForward, RUN, false, "Track forward from here", "Carries masks from this frame to later ones", plain(Key::F);
         A::TrackBackward, RUN, false, "Track backward from here", "Carries masks from this frame to earlier ones", plain(Key::B);

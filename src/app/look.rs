@@ -1,8 +1,11 @@
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Layers;
 use crate::masks::RunMask;
+use crate::scene::doubt::FrameDoubt;
+use crate::scene::fuse::Votes;
 use crate::scene::{LabelledCloud, LabelledMesh};
 use crate::session::{Engine, EngineKind, Estimate, JobView, Pictures, Project, SparseModel, Suggestion};
 
@@ -15,6 +18,8 @@ pub struct Look<'a> {
     pub root: Option<&'a Path>,
     /// The labelled cloud: the project's, or the PLY that is inspected.
     pub cloud: Option<&'a Arc<LabelledCloud>>,
+    /// The votes behind its labels, where they are known.
+    pub votes: Option<&'a Arc<Votes>>,
     /// Whether a mesh was made with the cloud, which can be shown in the points' place.
     pub has_surface: bool,
     /// The triangles of the model shown; `None` where points are, or while they are loaded.
@@ -47,6 +52,8 @@ pub struct Look<'a> {
     pub suggestions: &'a [Suggestion],
     /// Work by hand on masks since the session began.
     pub interactions: usize,
+    /// By frame, how much its mask contradicts the vote of all.
+    pub doubts: &'a BTreeMap<usize, FrameDoubt>,
     /// How good the masks probably are.
     pub estimate: Option<Estimate>,
 }

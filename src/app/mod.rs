@@ -27,6 +27,7 @@ pub use canvas::{CanvasMap, Draft, Tool};
 pub use layers::{Drawn, Layers, layers_of};
 pub use look::Look;
 pub use notices::{Notice, Notices, Severity};
+pub use panels::Asked;
 pub use prefs::Prefs;
 pub use shell::Shell;
 pub use shortcuts::Shortcuts;

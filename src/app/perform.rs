@@ -3,7 +3,7 @@ use egui::{Context, ThemePreference, ViewportCommand};
 use super::canvas::{clear_label, click_at};
 use super::dialogs::RelocateForm;
 use super::menu::is_possible;
-use super::panels::{Ruler, add_label, listed, pairs_in};
+use super::panels::{Asked, Ruler, add_label, listed, next_worst, pairs_in};
 use super::ranges::{is_range_change, next_doubtful, range_request, set_range, split_at};
 use super::view_state::{IntoWish, PathWish, SceneWish, typed_path};
 use super::{Action, Dialog, Look, Panes, Severity, ViewState};
@@ -38,6 +38,10 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::ClearLabelHere => clear_label(look, view, out),
         Action::ClearFrame => out.push(Command::ClearMask { frame: view.frame }),
         Action::MakeAnchor => out.push(Command::MakeAnchor { frame: view.frame }),
+        Action::AcceptVote => out.push(Command::AcceptVote { frame: view.frame, labels: Vec::new() }),
+        Action::AcceptLabelVote => {
+            out.push(Command::AcceptVote { frame: view.frame, labels: view.label.into_iter().collect() });
+        }
         Action::RangeFrom | Action::RangeTo | Action::DropRange => set_range(action, view),
         Action::CopyMask => view.copied = view.label.map(|label| (label, view.frame)),
         _ if is_range_change(action) => out.extend(range_request(action, look, view).map(Command::Range)),
@@ -60,6 +64,7 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
             out.extend(view.ruler.command());
             view.ruler = Ruler::default();
         }
+        Action::FindInScene => find_in_scene(look, view),
         Action::Fuse => {
             let onto = typed_path(&view.onto_text);
             out.push(Command::Fuse(FuseRequest { onto, ..view.fuse.clone() }));
@@ -68,6 +73,15 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::Cancel => cancel(look, view, out),
         Action::ToggleTheme => toggle_theme(ctx),
         other => look_differently(other, ctx, view),
+    }
+}
+
+fn find_in_scene(look: &Look<'_>, view: &mut ViewState) {
+    let (Some(cloud), Some(votes), Some(at_px)) = (look.cloud, look.votes, view.pointer_px) else { return };
+    view.asked = Asked::seen_at(cloud, votes, view.frame, at_px);
+    match view.asked {
+        Some(_) => view.scene_wish = Some(SceneWish::ShowAsked),
+        None => view.note = "No point of the cloud is seen here".into(),
     }
 }
 
@@ -110,6 +124,7 @@ fn destination(action: Action, look: &Look<'_>, view: &ViewState) -> Option<usiz
         Action::FirstFrame => 0,
         Action::LastFrame => last,
         Action::NextDoubtful => next_doubtful(look, view).unwrap_or(view.frame),
+        Action::NextWorst => next_worst(look.doubts, view.frame).unwrap_or(view.frame),
         _ => return None,
     })
 }

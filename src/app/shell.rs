@@ -5,7 +5,7 @@ use super::dialogs::{export_ui, into_ui, new_project_ui, palette_ui, path_ui, re
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
-    HEAT_HEIGHT, ScenePane, cloud_labels_ui, filmstrip_ui, fuse_ui, heat_ui, jobs_ui, labels_ui, matches_ui,
+    HEAT_HEIGHT, ScenePane, cloud_labels_ui, doubt_ui, filmstrip_ui, fuse_ui, heat_ui, jobs_ui, labels_ui, matches_ui,
     reconstruct_ui, results_ui, segmenter_ui, status_ui, suggestions_ui, timeline_ui, track_ui, welcome_ui,
 };
 use super::perform::perform;
@@ -107,6 +107,9 @@ impl Shell {
                 });
                 section(ui, "Reconstruct", true, |ui| reconstruct_ui(ui, look, view, wishes));
                 section(ui, "Fuse", true, |ui| fuse_ui(ui, look, view, wishes));
+                if !look.doubts.is_empty() {
+                    section(ui, "Doubt", true, |ui| doubt_ui(ui, look, view, wishes));
+                }
                 section(ui, "Results", false, |ui| results_ui(ui, look));
                 if look.slow_jobs().next().is_some() {
                     section(ui, "Running", true, |ui| jobs_ui(ui, look, view, wishes));

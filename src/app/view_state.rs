@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::canvas::{Draft, Rest, Tool, ZoomState};
 use super::dialogs::{ExportForm, NewProjectForm, PathPicker, RelocateForm, SheetState};
-use super::panels::{LabelEditing, MatchView, PointCounts, Ruler};
+use super::panels::{Asked, LabelEditing, MatchView, PointCounts, Ruler};
 use super::presence::Presence;
 use super::{Look, Notices, Prefs};
 use crate::masks::{Direction, LabelId, MaskFormat};
@@ -86,6 +86,8 @@ pub struct ViewState {
     pub note: String,
     /// The filmstrip scrolls to the shown frame next time.
     pub reveal_frame: bool,
+    /// The point of the cloud that was asked about.
+    pub asked: Option<Asked>,
     /// Asks the 3-D view to do something once.
     pub scene_wish: Option<SceneWish>,
     /// A known length in the 3-D view.
@@ -137,6 +139,8 @@ pub enum SceneWish {
     FrameAll,
     /// Looks through the shown frame's camera.
     LookThrough,
+    /// Brings the point asked about into the middle.
+    ShowAsked,
 }
 
 /// The dialogs; at most one is open.
@@ -237,6 +241,7 @@ impl ViewState {
             notices: Notices::default(),
             note: String::new(),
             reveal_frame: true,
+            asked: None,
             scene_wish: None,
             ruler: Ruler::default(),
             matches: MatchView::default(),

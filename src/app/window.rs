@@ -114,6 +114,7 @@ impl Window {
             project,
             root: self.session.root(),
             cloud: self.session.cloud(),
+            votes: self.session.votes(),
             has_surface: self.session.surface_voxel().is_some(),
             surface: view.shown.surface().and_then(|surface| self.session.surface(surface)),
             growing: self.session.growing_cloud(),
@@ -130,6 +131,7 @@ impl Window {
             before: before.as_ref(),
             suggestions: self.session.suggestions(),
             interactions: self.session.interactions(),
+            doubts: self.session.doubts(),
             estimate: self.estimate,
         };
         let asked = self.shell.ui(ui, &look);
@@ -186,7 +188,7 @@ impl Window {
                 self.shell.view.notices.tell(Severity::Warning, text);
             }
             Event::Changed => self.estimate_due = true,
-            Event::Started { .. } | Event::CloudChanged | Event::SparseChanged => {}
+            Event::Started { .. } | Event::CloudChanged | Event::SparseChanged | Event::DoubtsChanged => {}
         }
     }
 

@@ -53,6 +53,8 @@ pub(super) enum Verb {
     Scale(ScaleArgs),
     /// Make the labelled cloud by a vote of all views.
     Fuse(FuseArgs),
+    /// Say which masks the cloud's vote contradicts, the worst first; accept the vote as a frame's mask.
+    Doubt(DoubtArgs),
     /// Write results to files.
     Export(ExportArgs),
     /// Draw the labelled cloud into a PNG.
@@ -262,6 +264,21 @@ pub(super) struct ScaleArgs {
     /// Where a frame sees the other end.
     #[arg(long, value_name = "K,X,Y", value_parser = values::sighting, required = true)]
     pub to: Vec<(usize, DVec2)>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct DoubtArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// Frame whose mask becomes what all frames voted for; it becomes an anchor. May be given more than once.
+    #[arg(long, value_name = "K")]
+    pub accept: Vec<usize>,
+    /// Accept the vote for this label alone. May be given more than once.
+    #[arg(long, value_name = "NAME", requires = "accept")]
+    pub label: Vec<String>,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]

@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -8,6 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, anyhow};
 
 use super::print::say;
+use crate::scene::doubt::FrameDoubt;
 use crate::scene::fuse::Votes;
 use crate::scene::{LabelledCloud, LabelledMesh};
 use crate::session::{Command, Event, JobView, Project, Session, Suggestion};
@@ -81,6 +83,15 @@ impl Driver {
     /// Edge of that surface's voxels.
     pub(super) fn surface_voxel(&self) -> Result<f64> {
         self.session.surface_voxel().context(NO_SURFACE)
+    }
+
+    /// By frame, how much its mask contradicts the vote of all; empty where it is not known who voted.
+    pub(super) fn doubts(&mut self) -> Result<Arc<BTreeMap<usize, FrameDoubt>>> {
+        self.cloud()?;
+        if self.session.doubts().is_empty() {
+            self.settle()?;
+        }
+        Ok(Arc::clone(self.session.doubts()))
     }
 
     /// What the last search for unlabelled things found.

@@ -7,6 +7,7 @@
 
 mod args;
 mod demo;
+mod doubt;
 mod drive;
 mod eval;
 mod eval_args;

@@ -7,7 +7,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use super::args::{Cli, Verb};
 use super::drive::{Driver, Interrupted};
 use super::print::say;
-use super::{demo, eval, info, masks, models, project, range, shot, sources};
+use super::{demo, doubt, eval, info, masks, models, project, range, shot, sources};
 use crate::session::{Command, Recipe};
 
 /// The program: reads the words, does the job, gives the exit code (0 done, 1 failed, 2 usage, 130 stopped).
@@ -51,6 +51,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Verb::Reconstruct(args) => project::reconstruct(args),
         Verb::Scale(args) => project::scale(args),
         Verb::Fuse(args) => project::fuse(args),
+        Verb::Doubt(args) => doubt::doubt(&args),
         Verb::Export(args) => project::export(args),
         Verb::Shot(args) => shot::shot(&args),
         Verb::Info(args) => info::info(&args),

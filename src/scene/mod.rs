@@ -5,6 +5,7 @@
 
 pub mod carry;
 mod cloud;
+pub mod doubt;
 mod error;
 pub mod formats;
 pub mod fuse;

@@ -36,6 +36,7 @@ impl Session {
             Command::Trace(request) => self.trace(request).map(Some),
             Command::Tidy(request) => self.tidy(request).map(|()| None),
             Command::MakeAnchor { frame } => self.make_anchor(*frame).map(|()| None),
+            Command::AcceptVote { frame, labels } => self.accept_vote(*frame, labels).map(Some),
             Command::ClearMask { frame } => self.clear_mask(*frame).map(|()| None),
             Command::Range(request) => self.change_range(request),
             Command::ImportMasks { dir, format } => self.import_masks(dir, format).map(Some),

@@ -53,6 +53,14 @@ pub enum Command {
         /// Frame number.
         frame: usize,
     },
+    /// Gives a frame the mask that the vote of all frames has; it becomes an anchor.
+    AcceptVote {
+        /// Frame number.
+        frame: usize,
+        /// For these labels; all when none is named.
+        #[serde(default)]
+        labels: Vec<LabelId>,
+    },
     /// Takes a frame's mask and prompts away.
     ClearMask {
         /// Frame number.
@@ -100,7 +108,7 @@ impl Command {
     pub fn is_interaction(&self) -> bool {
         use Command as C;
         let on_a_frame = matches!(self, C::Prompt(_) | C::Paint(_) | C::Trace(_) | C::Tidy(_));
-        on_a_frame || matches!(self, C::Range(_) | C::MakeAnchor { .. } | C::ClearMask { .. })
+        on_a_frame || matches!(self, C::Range(_) | C::MakeAnchor { .. } | C::AcceptVote { .. } | C::ClearMask { .. })
     }
 }
 

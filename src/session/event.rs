@@ -62,6 +62,8 @@ pub enum Event {
     Changed,
     /// The labelled cloud was loaded, made anew or went away.
     CloudChanged,
+    /// It is known anew how much masks contradict the cloud.
+    DoubtsChanged,
     /// The sparse model of the cameras was loaded.
     SparseChanged,
     /// Something worth knowing, e.g. which tracker was taken.

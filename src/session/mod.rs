@@ -9,6 +9,7 @@ mod cloud;
 mod command;
 mod commands;
 pub mod demo;
+mod doubt;
 mod drawings;
 mod edit;
 mod engines;

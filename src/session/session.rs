@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 
 use super::cloud::CloudSlot;
 use super::commands::TrackRun;
+use super::doubt::Doubts;
 use super::growing::Growing;
 use super::hover::Hover;
 use super::jobs::{Job, Jobs, Kind, Landing};
@@ -37,6 +38,7 @@ pub struct Session {
     pub(super) recipe: Recipe,
     pub(super) cloud: CloudSlot,
     pub(super) surfaces: Surfaces,
+    pub(super) doubts: Doubts,
     pub(super) growing: Growing,
     pub(super) sparse: OnDemand<u64, SparseModel>,
     pub(super) track: Option<TrackRun>,
@@ -72,6 +74,7 @@ impl Session {
             recipe: Recipe { format: 1, commands: Vec::new() },
             cloud: CloudSlot::default(),
             surfaces: Surfaces::default(),
+            doubts: Doubts::default(),
             growing: Growing::default(),
             sparse: OnDemand::default(),
             track: None,
@@ -169,6 +172,7 @@ impl Session {
         self.load_wanted_cloud();
         self.load_wanted_surfaces();
         self.load_wanted_sparse();
+        self.compare_wanted();
         self.checkpoint_if_due();
         std::mem::take(&mut self.events)
     }

@@ -80,7 +80,7 @@ impl Session {
                 Surface::Voxels => {
                     let (cloud, votes) = match loaded {
                         Some(loaded) => loaded,
-                        None => load(&root, version, &link.progress)?,
+                        None => load_cloud(&root, version, &link.progress)?,
                     };
                     voxel_faces(&voxelize(&cloud, Some(&votes), voxel)?, voxel)
                 }
@@ -96,7 +96,12 @@ impl Session {
 
 const NOT_KEPT: &str = "the result of this step is not kept any more; fuse again";
 
-fn load(root: &std::path::Path, version: u64, progress: &Progress) -> Result<(Arc<LabelledCloud>, Arc<Votes>)> {
+/// The cloud of a version with its votes, from the disk.
+pub(super) fn load_cloud(
+    root: &std::path::Path,
+    version: u64,
+    progress: &Progress,
+) -> Result<(Arc<LabelledCloud>, Arc<Votes>)> {
     let cloud = read_ply(&cloud_path(root, version), progress).context(NOT_KEPT)?.cloud;
     Ok((Arc::new(cloud), Arc::new(read_votes_file(&votes_path(root, version))?)))
 }

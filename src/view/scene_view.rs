@@ -303,8 +303,13 @@ mod tests {
         let (solid, _) = drawn(&mut view, &scene(camera, &style));
         assert!((15..70).contains(&(covered(&wires) * 100 / covered(&solid))), "{}", covered(&wires));
         let is_drawn = |pixel: &[u8; 4]| pixel[..3] != style.background;
-        let beside = wires.iter().zip(&solid).filter(|(wire, solid)| is_drawn(wire) && !is_drawn(solid)).count();
-        assert!(beside * 20 < covered(&wires), "{beside} pixels beside");
+        let near_solid = |at: usize| {
+            let around =
+                [0, 1, 255, 256, 257].into_iter().flat_map(|step| [at.checked_sub(step), at.checked_add(step)]);
+            around.flatten().any(|other| solid.get(other).is_some_and(is_drawn))
+        };
+        let apart = (0..wires.len()).filter(|&at| is_drawn(&wires[at]) && !near_solid(at)).count();
+        assert_eq!(apart, 0, "a line lies a pixel beside the surface at most");
     }
 
     #[test]

@@ -12,6 +12,8 @@ use ostra::app::{Layers, Look, Prefs, Shell};
 use ostra::frames::{Frame, FrameCamera, Image, Orientation, PictureSource};
 use ostra::geometry::{Camera, Pose};
 use ostra::masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
+use ostra::scene::doubt::FrameDoubt;
+use ostra::scene::fuse::Votes;
 use ostra::scene::{LabelledCloud, LabelledMesh};
 use ostra::session::{
     Command, Engine, FrameMask, JobView, MaskOrigin, Pictures, Project, SparseModel, Suggestion, engines,
@@ -26,6 +28,7 @@ pub struct Desk {
     pub project: Project,
     pub root: Option<PathBuf>,
     pub cloud: Option<Arc<LabelledCloud>>,
+    pub votes: Option<Arc<Votes>>,
     pub surface: Option<Arc<LabelledMesh>>,
     pub sparse: Option<Arc<SparseModel>>,
     pub inspected: Option<PathBuf>,
@@ -38,6 +41,7 @@ pub struct Desk {
     pub recent: Vec<PathBuf>,
     pub before: Option<Arc<RunMask>>,
     pub suggestions: Vec<Suggestion>,
+    pub doubts: BTreeMap<usize, FrameDoubt>,
     pub asked: Vec<Command>,
 }
 
@@ -49,6 +53,7 @@ impl Desk {
             project: Project::default(),
             root: None,
             cloud: None,
+            votes: None,
             surface: None,
             sparse: None,
             inspected: None,
@@ -61,6 +66,7 @@ impl Desk {
             recent: Vec::new(),
             before: None,
             suggestions: Vec::new(),
+            doubts: BTreeMap::new(),
             asked: Vec::new(),
         }
     }
@@ -79,6 +85,7 @@ impl Desk {
     pub fn ui(&mut self, ui: &mut Ui) {
         let look = Look {
             growing: None,
+            votes: self.votes.as_ref(),
             has_surface: self.surface.is_some(),
             surface: self.surface.as_ref(),
             project: &self.project,
@@ -97,6 +104,7 @@ impl Desk {
             before: self.before.as_ref(),
             suggestions: &self.suggestions,
             interactions: 3,
+            doubts: &self.doubts,
             estimate: self.project.estimate(|_| 1),
         };
         self.asked.extend(self.shell.ui(ui, &look));

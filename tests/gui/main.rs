@@ -12,6 +12,8 @@ mod desk;
 #[cfg(test)]
 mod dialogs;
 #[cfg(test)]
+mod doubt;
+#[cfg(test)]
 mod gallery;
 #[cfg(test)]
 mod keys;

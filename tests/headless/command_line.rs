@@ -19,14 +19,14 @@ fn ostra(args: &[&str]) -> Output {
         .unwrap()
 }
 
-fn done(args: &[&str]) -> String {
+pub(super) fn done(args: &[&str]) -> String {
     let output = ostra(args);
     assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
 
 /// Runs what must fail: exit code 1 and one line that starts with the program's name.
-fn refused(args: &[&str]) -> String {
+pub(super) fn refused(args: &[&str]) -> String {
     let output = ostra(args);
     let text = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");
@@ -36,12 +36,12 @@ fn refused(args: &[&str]) -> String {
 }
 
 /// A recording of four 64×48 frames: a red square at 1 m before a grey wall at 2 m, cameras side by side.
-struct Recording {
+pub(super) struct Recording {
     dir: TempDir,
 }
 
 impl Recording {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let dir = TempDir::new().unwrap();
         for folder in ["color", "depth", "sparse"] {
             std::fs::create_dir(dir.path().join(folder)).unwrap();
@@ -66,7 +66,7 @@ impl Recording {
         Self { dir }
     }
 
-    fn path(&self, name: &str) -> String {
+    pub(super) fn path(&self, name: &str) -> String {
         self.dir.path().join(name).to_str().unwrap().to_owned()
     }
 
@@ -84,7 +84,7 @@ impl Recording {
         truth
     }
 
-    fn project(&self) -> String {
+    pub(super) fn project(&self) -> String {
         let project = self.path("project");
         let [color, depth, sparse] = ["color", "depth", "sparse"].map(|name| self.path(name));
         done(&["new", &project, "--frames", &color, "--depth", &depth, "--cameras", &sparse]);

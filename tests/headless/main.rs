@@ -15,6 +15,8 @@ mod command_line;
 #[cfg(test)]
 mod crash;
 #[cfg(test)]
+mod doubt;
+#[cfg(test)]
 mod films;
 #[cfg(test)]
 mod floors;

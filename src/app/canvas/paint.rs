@@ -60,6 +60,17 @@ pub(super) fn banner(painter: &Painter, map: &CanvasMap, text: &str) {
     painter.galley(at, galley, Color32::WHITE);
 }
 
+/// Where the frame sees the point that was asked about.
+pub(super) fn sight(painter: &Painter, map: &CanvasMap, at_px: glam::DVec2) {
+    let at = map.to_screen(at_px);
+    for (width, color) in [(3.5, Color32::from_black_alpha(160)), (1.5, Color32::from_rgb(255, 235, 90))] {
+        painter.circle_stroke(at, 9.0, Line::new(width, color));
+        for side in [Vec2::X, -Vec2::X, Vec2::Y, -Vec2::Y] {
+            painter.line_segment([at + 5.0 * side, at + 14.0 * side], Line::new(width, color));
+        }
+    }
+}
+
 /// The brush as a circle around the pointer.
 pub(super) fn brush_circle(painter: &Painter, map: &CanvasMap, view: &ViewState, pointer: Pos2) {
     if matches!(view.tool, Tool::Brush | Tool::Eraser) {

@@ -68,6 +68,9 @@ fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map
     }
     let pointer = view.pointer_px.map(|at| map.to_screen(at));
     paint::prompts_and_draft(&painter, map, look, view, pointer);
+    if let Some(at_px) = view.asked.as_ref().and_then(|asked| asked.seen_in(view.frame)) {
+        paint::sight(&painter, map, at_px);
+    }
     if let Some(at) = pointer {
         paint::brush_circle(&painter, map, view, at);
     }

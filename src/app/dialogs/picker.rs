@@ -105,6 +105,10 @@ pub(in crate::app) fn take_picked(ctx: &Context, view: &mut ViewState) {
     }
 }
 
+/// Width of a field for a path where there is room for it, and of the button beside it, in points.
+const FIELD_WIDTH: f32 = 360.0;
+const BROWSE_WIDTH: f32 = 86.0;
+
 /// A path to type, with a button for the system's chooser.
 pub(in crate::app) fn path_field_ui(
     ui: &mut Ui,
@@ -113,7 +117,9 @@ pub(in crate::app) fn path_field_ui(
     text: &mut String,
     (pick, target): (Pick, PickTarget),
 ) -> egui::Response {
-    let edit = TextEdit::singleline(text).hint_text(hint).desired_width(360.0);
+    let narrow = ui.available_width() < FIELD_WIDTH;
+    let width = if narrow { (ui.available_width() - BROWSE_WIDTH).max(60.0) } else { FIELD_WIDTH };
+    let edit = TextEdit::singleline(text).hint_text(hint).desired_width(width);
     let edit = ui.add(edit).accessible_name(name);
     let browse = ui.button("Browse…").on_hover_text("Opens the system's file chooser");
     if browse.accessible_name(format!("Browse {name}")).clicked() {

@@ -16,14 +16,16 @@ pub(in crate::app) fn fuse_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState
                 view.fuse.min_confidence = (percent > 0.0).then_some(percent / 100.0);
             }
         });
-        let tip = "Vote on the points of this cloud instead of making points; may stay empty";
-        field(ui, "Onto cloud", tip, |ui| {
+    });
+    let tip = "Leaves out points that no mask names";
+    ui.checkbox(&mut view.fuse.drop_unlabelled, "Drop unlabelled points").on_hover_text(tip);
+    let onto = egui::CollapsingHeader::new("Onto a given cloud").default_open(!view.onto_text.is_empty());
+    onto.show(ui, |ui| {
+        ui.horizontal(|ui| {
             let (name, target) = (("Cloud to vote on", "labelled PLY, or empty"), (Pick::File, PickTarget::Onto));
             path_field_ui(ui, &mut view.picker, name, &mut view.onto_text, target);
         });
     });
-    let tip = "Leaves out points that no mask names";
-    ui.checkbox(&mut view.fuse.drop_unlabelled, "Drop unlabelled points").on_hover_text(tip);
     let ready = look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
     ui.horizontal(|ui| {
         run_button_ui(ui, look, view, (Action::Fuse, "Fuse"), ready, wishes);

@@ -10,8 +10,11 @@ use crate::session::{FrameMask, MaskOrigin};
 /// Height of the strip in points.
 pub(in crate::app) const HEAT_HEIGHT: f32 = 9.0;
 
-/// All frames in one strip, from left to right: bright where the tracker doubted, dark where it was sure. A click or
-/// drag goes to the frame.
+/// Share of a mask that the vote of all contradicts from which a frame is as doubtful as can be.
+const WORST_SHARE: f32 = 0.2;
+
+/// All frames in one strip, from left to right: bright where the tracker doubted or the vote of all contradicts the mask,
+/// dark where both were sure. A click or drag goes to the frame.
 pub(in crate::app) fn heat_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     let size = Vec2::new(ui.available_width(), HEAT_HEIGHT);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
@@ -120,12 +123,14 @@ fn worst(ui: &Ui, look: &Look<'_>, view: &ViewState, frames: Range<usize>) -> Op
     least.filter(|&sure| sure < view.prefs.doubt_below).map(stale).or(anchor).or(least.map(stale))
 }
 
-/// How sure a tracked frame is at its least: 0 where a label was lost, below 0 where it is stale; `None` for an anchor.
+/// How sure a frame is at its least: 0 where a label was lost, below 0 where it is stale; `None` for an anchor that the vote
+/// of all does not contradict.
 fn sureness(look: &Look<'_>, view: &ViewState, frame: usize, mask: &FrameMask) -> Option<f32> {
+    let by_vote = look.doubts.get(&frame).map_or(1.0, |doubt| (1.0 - doubt.share() / WORST_SHARE).max(0.0));
     if mask.origin == MaskOrigin::Anchor {
-        return None;
+        return Some(by_vote).filter(|&sure| sure < view.prefs.doubt_below);
     }
-    let least = mask.confidence.values().copied().fold(1.0, f32::min);
+    let least = mask.confidence.values().copied().fold(by_vote, f32::min);
     let lost = lost_on(look.project, view, frame).next().is_some();
     Some(if mask.stale {
         -1.0
@@ -138,6 +143,9 @@ fn sureness(look: &Look<'_>, view: &ViewState, frame: usize, mask: &FrameMask) -
 
 fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, frame: usize) {
     ui.strong(format!("Frame {frame}"));
+    if let Some(doubt) = look.doubts.get(&frame) {
+        ui.label(format!("{:.1} % contradicted by the 3-D vote", 100.0 * doubt.share()));
+    }
     let name = |label: LabelId| look.project.labels.get(label).map_or("?", |label| label.name.as_str());
     match look.project.masks.get(&frame) {
         None => drop(ui.weak("no mask")),

@@ -1,6 +1,8 @@
 //! Panels around the picture: one file each, one function per section.
 
+mod asked;
 mod cloud_labels;
+mod doubt;
 mod filmstrip;
 mod finding;
 mod fuse;
@@ -23,7 +25,9 @@ mod timeline;
 mod track;
 mod welcome;
 
+pub use asked::Asked;
 pub(super) use cloud_labels::{PointCounts, cloud_labels_ui};
+pub(super) use doubt::{doubt_ui, next_worst};
 pub(super) use filmstrip::filmstrip_ui;
 pub(super) use finding::pairs_in;
 pub(super) use fuse::fuse_ui;

@@ -3,6 +3,7 @@ use std::sync::Arc;
 use egui::{PointerButton, Rect, Response, Role, Sense, Ui, WidgetInfo};
 use glam::{Vec2, Vec3};
 
+use super::asked::{Asked, asked_ui};
 use super::scene_bar::scene_bar_ui;
 use super::scene_canvas::SceneCanvas;
 use crate::app::view_state::SceneWish;
@@ -62,6 +63,7 @@ impl ScenePane {
         let camera = orbit.camera(size.x.max(1.0) as u32, size.y.max(1.0) as u32);
         self.input(ui, &response, look, view, &camera);
         self.draw(ui, rect, look, view);
+        asked_ui(ui, rect, look, view);
     }
 
     /// Frames the scene when another cloud or the first cameras come, or when asked to.
@@ -83,6 +85,9 @@ impl ScenePane {
         }
         if wish == Some(SceneWish::LookThrough) {
             self.look_through(look.project.frames.get(view.frame));
+        }
+        if let (Some(SceneWish::ShowAsked), Some(orbit), Some(asked)) = (wish, &mut self.orbit, &view.asked) {
+            orbit.recentre(asked.place());
         }
     }
 
@@ -127,6 +132,10 @@ impl ScenePane {
             && let Some(frame) = pick_frustum(&look.project.frames, camera, in_view(at), 14.0 * scale)
         {
             view.go_to(frame);
+        } else if response.clicked() {
+            let at = response.interact_pointer_pos();
+            let point = at.and_then(|at| picked(look, view, camera, in_view(at), 10.0 * scale));
+            view.asked = point.zip(look.cloud).map(|(point, cloud)| Asked::new(cloud, look.votes, point));
         }
         self.zoom(ui, response, look, view, camera, in_view);
     }
@@ -176,6 +185,7 @@ impl ScenePane {
             lines.extend(link_lines(&look.project.frames, &sparse.links));
         }
         lines.extend(view.ruler.lines(self.framed.radius * 0.012));
+        lines.extend(view.asked.iter().flat_map(|asked| asked.lines(self.framed.radius * 0.012)));
         let fill = ui.visuals().extreme_bg_color;
         let scene = Scene3d {
             camera: orbit.camera(size.x.min(most) as u32, size.y.min(most) as u32),
@@ -207,6 +217,12 @@ fn model(look: &Look<'_>, view: &ViewState) -> Option<Model> {
 fn point_at(look: &Look<'_>, view: &ViewState, camera: &ViewCamera, at_px: Vec2, radius_px: f32) -> Option<Vec3> {
     let cloud = look.points()?;
     pick_point(cloud, camera, at_px, radius_px, &view.hidden).map(|index| cloud.positions[index])
+}
+
+/// The point of the labelled cloud at a place, where that is what is shown.
+fn picked(look: &Look<'_>, view: &ViewState, camera: &ViewCamera, at_px: Vec2, radius_px: f32) -> Option<usize> {
+    let cloud = look.cloud.filter(|_| look.growing.is_none())?;
+    pick_point(cloud, camera, at_px, radius_px, &view.hidden)
 }
 
 fn bounds(look: &Look<'_>) -> Option<Bounds> {

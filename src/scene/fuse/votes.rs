@@ -94,6 +94,20 @@ impl Votes {
         self.frames.iter().map(|frame| frame.frame as usize)
     }
 
+    /// The points that a frame sees, with the column and row of the pixel that sees each; by rising point, nothing where
+    /// pairs were not kept.
+    pub fn sightings(&self, frame: usize) -> impl Iterator<Item = (usize, u32, u32)> {
+        let found = self.frames.binary_search_by_key(&frame, |pairs| pairs.frame as usize).ok();
+        let pairs = found.map(|at| &self.frames[at]);
+        pairs.into_iter().flat_map(|pairs| {
+            let chunks = 0..pairs.starts.len().saturating_sub(1);
+            chunks.flat_map(|chunk| {
+                let first = chunk * CHUNK;
+                PairReader::new(pairs.chunk(chunk)).map(move |pair| (first + pair.point as usize, pair.x, pair.y))
+            })
+        })
+    }
+
     /// The frames that see a point, by frame number; empty when pairs were not kept.
     #[must_use]
     pub fn voters(&self, point: usize) -> Vec<Voter> {

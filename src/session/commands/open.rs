@@ -44,7 +44,7 @@ impl Session {
         self.hover(None);
         // Results are known by number, and every project counts its own.
         (self.cloud, self.surfaces) = Default::default();
-        (self.sparse, self.growing) = Default::default();
+        (self.sparse, self.growing, self.doubts) = Default::default();
         self.suggestions.clear();
         self.interactions = 0;
         let was_open = self.open.take().is_some() | self.inspected.take().is_some();

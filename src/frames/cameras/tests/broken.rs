@@ -132,8 +132,10 @@ fn broken_folders() {
     assert!(error_of(&folder.path().join("b")).contains("finite"));
     write(folder.path(), "c/0.pose.txt", "1 0 0 0 0 1 0 0 0 0 1");
     assert!(error_of(&folder.path().join("c")).contains("11 numbers"));
-    write(folder.path(), "d/0.pose.txt", "-inf ".repeat(16));
+    write(folder.path(), "d/0.pose.txt", "nan ".repeat(16));
     assert!(error_of(&folder.path().join("d")).contains("finite"));
+    write(folder.path(), "f/0.pose.txt", "-inf ".repeat(16));
+    assert!(error_of(&folder.path().join("f")).contains("holds no cameras"), "a frame that was lost");
     write(folder.path(), "e/images.txt", "");
     assert!(error_of(&folder.path().join("e/images.txt")).contains("one part of a COLMAP model"));
 }

@@ -1,0 +1,137 @@
+use std::sync::Arc;
+
+use egui::{Color32, Rect, RichText, Ui};
+use glam::{DVec2, Vec3};
+
+use crate::app::{Look, ViewState};
+use crate::masks::{LabelId, LabelTree};
+use crate::scene::LabelledCloud;
+use crate::scene::fuse::{Voter, Votes};
+use crate::view::Line;
+
+const COLOR: [u8; 4] = [255, 235, 90, 255];
+/// Pixels between a place in a picture and a point that is seen there.
+const NEAR_PX: f64 = 3.0;
+
+/// A point of the cloud that the user asked about, and who voted on it.
+#[derive(Debug, Clone)]
+pub struct Asked {
+    cloud: Arc<LabelledCloud>,
+    point: usize,
+    votes: Vec<(LabelId, u16)>,
+    voters: Vec<Voter>,
+}
+
+impl Asked {
+    /// Asks about a point by its number.
+    #[must_use]
+    pub fn new(cloud: &Arc<LabelledCloud>, votes: Option<&Arc<Votes>>, point: usize) -> Self {
+        let histogram = votes.map(|votes| votes.histogram(point).to_vec()).unwrap_or_default();
+        let voters = votes.map(|votes| votes.voters(point)).unwrap_or_default();
+        Self { cloud: Arc::clone(cloud), point, votes: histogram, voters }
+    }
+
+    /// Asks about the point that a frame sees nearest to a place in its picture.
+    #[must_use]
+    pub fn seen_at(cloud: &Arc<LabelledCloud>, votes: &Arc<Votes>, frame: usize, at_px: DVec2) -> Option<Self> {
+        let off = |x: u32, y: u32| middle(x, y).distance_squared(at_px);
+        let near = votes.sightings(frame).filter(|&(_, x, y)| off(x, y) <= NEAR_PX * NEAR_PX);
+        let (point, ..) = near.min_by(|a, b| off(a.1, a.2).total_cmp(&off(b.1, b.2)))?;
+        Some(Self::new(cloud, Some(votes), point))
+    }
+
+    /// Where it is, world units.
+    #[must_use]
+    pub fn place(&self) -> Vec3 {
+        self.cloud.positions[self.point]
+    }
+
+    /// Where a frame sees it.
+    #[must_use]
+    pub fn seen_in(&self, frame: usize) -> Option<DVec2> {
+        self.voters.iter().find(|voter| voter.frame == frame).map(|voter| middle(voter.x, voter.y))
+    }
+
+    /// Whether it is a point of this cloud.
+    #[must_use]
+    pub fn is_of(&self, cloud: Option<&Arc<LabelledCloud>>) -> bool {
+        cloud.is_some_and(|cloud| Arc::ptr_eq(cloud, &self.cloud))
+    }
+
+    /// A cross of `size` world units at the point.
+    #[must_use]
+    pub fn lines(&self, size: f32) -> Vec<Line> {
+        let at = self.place();
+        let line = |end: Vec3| [at - end, at + end].map(|end| Line { position: end.to_array(), color: COLOR });
+        [Vec3::X, Vec3::Y, Vec3::Z].into_iter().flat_map(|axis| line(size * axis)).collect()
+    }
+}
+
+fn middle(x: u32, y: u32) -> DVec2 {
+    DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)
+}
+
+/// What is known of the point asked about, in the corner of the 3-D view: its label, who voted what, and the way there.
+pub(super) fn asked_ui(ui: &Ui, rect: Rect, look: &Look<'_>, view: &mut ViewState) {
+    view.asked = view.asked.take().filter(|asked| asked.is_of(look.cloud));
+    let Some(asked) = view.asked.clone() else { return };
+    let (mut open, mut to) = (true, None);
+    let window = egui::Window::new("Point").open(&mut open).resizable(false).default_width(230.0);
+    window.default_pos(rect.left_top() + egui::vec2(10.0, 10.0)).constrain_to(rect).show(ui.ctx(), |ui| {
+        let tree = if look.root.is_some() { &look.project.labels } else { &asked.cloud.tree };
+        label_ui(ui, tree, asked.cloud.labels[asked.point]);
+        let at = asked.place();
+        ui.weak(format!("at {:.4}, {:.4}, {:.4}", at.x, at.y, at.z)).on_hover_text("World units");
+        let confidence = asked.cloud.confidence[asked.point];
+        ui.label(format!("{:.0} % of the votes", 100.0 * confidence));
+        if asked.votes.is_empty() {
+            ui.weak("No frame with a mask sees it.");
+        }
+        for &(label, votes) in &asked.votes {
+            ui.horizontal(|ui| {
+                ui.monospace(format!("{votes:>4}"));
+                label_ui(ui, tree, label);
+            });
+        }
+        if !asked.voters.is_empty() {
+            ui.separator();
+            egui::ScrollArea::vertical().max_height(150.0).auto_shrink([false, true]).show(ui, |ui| {
+                for voter in &asked.voters {
+                    ui.horizontal(|ui| {
+                        let text = format!("frame {}", voter.frame);
+                        let row = ui.selectable_label(view.frame == voter.frame, text);
+                        if row.on_hover_text("Shows where this frame sees the point").clicked() {
+                            to = Some((voter.frame, middle(voter.x, voter.y)));
+                        }
+                        match voter.label {
+                            Some(label) => label_ui(ui, tree, label),
+                            None => drop(ui.weak("no mask")),
+                        }
+                    });
+                }
+            });
+        }
+    });
+    if let Some((frame, at_px)) = to {
+        view.go_to(frame);
+        view.zoom.centre_px = at_px;
+    }
+    if !open {
+        view.asked = None;
+    }
+}
+
+/// A label's path in its colour.
+fn label_ui(ui: &mut Ui, tree: &LabelTree, label: LabelId) {
+    let Some(known) = tree.get(label) else {
+        ui.weak(if label == LabelId::NONE { "nothing".to_owned() } else { format!("label {}", label.0) });
+        return;
+    };
+    let names: Vec<&str> = tree.path(label).iter().filter_map(|&id| Some(tree.get(id)?.name.as_str())).collect();
+    let [r, g, b] = known.color;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        ui.label(RichText::new("■").color(Color32::from_rgb(r, g, b)));
+        ui.label(names.join(" › "));
+    });
+}

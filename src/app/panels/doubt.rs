@@ -1,0 +1,73 @@
+use std::collections::BTreeMap;
+
+use egui::Ui;
+
+use crate::app::tips::action_button;
+use crate::app::{Action, Look, ViewState};
+use crate::scene::doubt::FrameDoubt;
+
+/// Frames that the list shows.
+const LISTED: usize = 8;
+/// Share from which a frame is listed: less is noise at borders.
+const LEAST: f32 = 0.01;
+
+/// The frames whose masks contradict the vote of all most, and what to do about it.
+pub(in crate::app) fn doubt_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+    let worst = ranked(look.doubts);
+    if worst.is_empty() {
+        ui.weak("All masks agree with the cloud.");
+        return;
+    }
+    ui.weak("Share of a mask that the vote of all frames contradicts:");
+    for &(frame, share) in worst.iter().take(LISTED) {
+        let name = look.project.frames.get(frame).map_or("", |frame| frame.name.as_str());
+        let text = format!("{:>4.1} %  frame {frame}", 100.0 * share);
+        if ui.selectable_label(view.frame == frame, text).on_hover_text(format!("Goes to {name}")).clicked() {
+            view.go_to(frame);
+        }
+    }
+    if worst.len() > LISTED {
+        ui.weak(format!("and {} more", worst.len() - LISTED));
+    }
+    ui.horizontal_wrapped(|ui| {
+        let can = look.doubts.contains_key(&view.frame);
+        for (action, text, enabled) in [
+            (Action::NextWorst, "Next worst", true),
+            (Action::AcceptVote, "Accept vote", can),
+            (Action::AcceptLabelVote, "For this label", can && view.label.is_some()),
+        ] {
+            if action_button(ui, &view.prefs.shortcuts, action, text, enabled).clicked() {
+                wishes.push(action);
+            }
+        }
+    });
+}
+
+/// Frames that are worth a look with their shares, the worst first; of equal ones the earlier.
+fn ranked(doubts: &BTreeMap<usize, FrameDoubt>) -> Vec<(usize, f32)> {
+    let shares = doubts.iter().map(|(&frame, doubt)| (frame, doubt.share()));
+    let mut ranked: Vec<(usize, f32)> = shares.filter(|(_, share)| *share >= LEAST).collect();
+    ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    ranked
+}
+
+/// The frame after this one in the list of the worst; the worst where this one agrees or is the last.
+pub(in crate::app) fn next_worst(doubts: &BTreeMap<usize, FrameDoubt>, frame: usize) -> Option<usize> {
+    let listed: Vec<usize> = ranked(doubts).into_iter().map(|(frame, _)| frame).collect();
+    let next = listed.iter().position(|&other| other == frame).map_or(0, |at| at + 1);
+    listed.get(next).or(listed.first()).copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn goes_down_the_list_of_the_worst_and_begins_anew() {
+        let doubt = |against| FrameDoubt { compared: 100, against };
+        let doubts = BTreeMap::from([(0, doubt(5)), (1, doubt(0)), (2, doubt(30)), (7, doubt(5))]);
+        assert_eq!(next_worst(&doubts, 1), Some(2));
+        assert_eq!([2, 0, 7].map(|frame| next_worst(&doubts, frame)), [Some(0), Some(7), Some(2)]);
+        assert_eq!(next_worst(&BTreeMap::new(), 3), None);
+    }
+}

@@ -1,0 +1,12 @@
+//! Where the vote of all views contradicts a frame's mask, and what the mask would be by that vote.
+//!
+//! May use: scene::fuse, scene::points, masks, frames, geometry, engine::job. Must not touch: Project, UI, files.
+
+mod disagreement;
+mod sighted;
+#[cfg(test)]
+mod tests;
+mod voted_mask;
+
+pub use disagreement::{FrameDoubt, frame_doubt};
+pub use voted_mask::voted_mask;

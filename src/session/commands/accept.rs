@@ -1,0 +1,44 @@
+use std::sync::Arc;
+
+use anyhow::{Context, Result, ensure};
+
+use super::paint::{by_hand, mask_of};
+use crate::masks::LabelId;
+use crate::scene::doubt::voted_mask;
+use crate::session::jobs::{Kind, Landing};
+use crate::session::store::version_in_force;
+use crate::session::surfaces::load_cloud;
+use crate::session::{JobId, ResultKind, Session};
+
+impl Session {
+    /// Gives a frame the mask that the vote of all frames has, for some labels or (none named) for all.
+    pub(in crate::session) fn accept_vote(&mut self, number: usize, labels: &[LabelId]) -> Result<JobId> {
+        let project = self.snapshot()?;
+        let frame = project.frame(number)?.clone();
+        let version = version_in_force(&project, ResultKind::Cloud).context("there is no cloud yet; fuse first")?;
+        let (loaded, root) = (self.cloud.in_force(Some(version)), self.opened()?.root().to_owned());
+        let (store, labels) = (Arc::clone(&self.store), labels.to_vec());
+        Ok(self.start("Accept the vote", Kind::Short, move |link| {
+            let (cloud, votes) = match loaded {
+                Some(loaded) => loaded,
+                None => load_cloud(&root, version, &link.progress)?,
+            };
+            let (depth, own) = (store.depth(&frame)?, mask_of(&project, number)?);
+            let mut voted = voted_mask((&cloud, &votes), (number, &frame), depth.as_deref(), &own, &labels)?;
+            for (id, own) in voted.ids.iter_mut().zip(&own.ids) {
+                // A label that was taken out since the vote stays out.
+                if *id != LabelId::NONE && project.labels.get(*id).is_none() {
+                    *id = *own;
+                }
+            }
+            Ok(Box::new(move |session: &mut Self| {
+                let now = session.snapshot()?;
+                ensure!(
+                    now.masks.get(&number) == project.masks.get(&number),
+                    "the mask of frame {number} changed meanwhile; accept again"
+                );
+                session.commit(&format!("Accept the vote on frame {number}"), by_hand(&now, number, &voted))
+            }) as Landing)
+        }))
+    }
+}

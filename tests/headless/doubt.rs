@@ -1,0 +1,50 @@
+//! Masks that the vote of all contradicts, as a user of the command line meets them.
+
+use std::path::Path;
+
+use ostra::masks::{LabelId, read_palette_png};
+use serde_json::Value;
+
+use super::command_line::{Recording, done, refused};
+
+fn ranked(project: &str) -> Vec<(u64, f64)> {
+    let rows: Value = serde_json::from_str(&done(&["doubt", project, "--json"])).unwrap();
+    let row = |row: &Value| (row["frame"].as_u64().unwrap(), row["share"].as_f64().unwrap());
+    rows.as_array().unwrap().iter().map(row).collect()
+}
+
+fn pixels(project: &str, frame: u32, label: u16) -> Vec<bool> {
+    let mask = read_palette_png(&Path::new(project).join(format!("masks/{frame}.png"))).unwrap();
+    mask.ids.iter().map(|&id| id == LabelId(label)).collect()
+}
+
+#[test]
+fn a_wrong_mask_is_the_most_doubtful_and_the_vote_puts_it_right() {
+    let recording = Recording::new();
+    let project = recording.project();
+    assert!(refused(&["doubt", &project]).contains("fuse"));
+    for label in ["thing", "other"] {
+        done(&["label", &project, label]);
+    }
+    done(&["prompt", &project, "--frame", "0", "--label", "thing", "--click", "20,24"]);
+    done(&["track", &project, "--tracker", "geometry"]);
+    let right = pixels(&project, 2, 1);
+    // On frame 2 the thing gets another name.
+    done(&["prompt", &project, "--frame", "2", "--label", "thing"]);
+    done(&["prompt", &project, "--frame", "2", "--label", "other", "--click", "18,24"]);
+    done(&["fuse", &project, "--voxel", "0.01"]);
+    let before = ranked(&project);
+    assert_eq!((before[0].0, before.len()), (2, 4));
+    assert!(before[0].1 > 0.8 && before[1].1 < 0.02, "{before:?}");
+    assert!(done(&["doubt", &project]).lines().nth(1).unwrap().ends_with("2 2.png"));
+
+    assert!(refused(&["doubt", &project, "--accept", "2", "--label", "nobody"]).contains("nobody"));
+    done(&["doubt", &project, "--accept", "2"]);
+    let repaired = pixels(&project, 2, 1);
+    let differ = repaired.iter().zip(&right).filter(|(a, b)| a != b).count();
+    assert!(differ < 16, "{differ} of {} pixels differ", right.iter().filter(|inside| **inside).count());
+    assert!(!pixels(&project, 2, 2).contains(&true));
+    let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
+    assert_eq!(info["frames"][2]["mask"], "anchor");
+    assert!(ranked(&project)[0].1 < 0.02, "{:?}", ranked(&project));
+}
