@@ -1,127 +1,222 @@
 use glam::{IVec3, Vec3};
+use wide::f32x8;
 
-use super::measured::Pixel;
+use super::measured::{Facing, Pixel};
+use super::signs::Signs;
 
 /// Voxels along an edge of a block.
 pub(super) const EDGE: usize = 8;
+/// Rows of voxels in a block.
+pub(super) const ROWS: usize = EDGE * EDGE;
 /// Voxels in a block.
-pub(super) const VOXELS: usize = EDGE * EDGE * EDGE;
-/// Surfaces whose normals differ by more than this cosine are two sides of something thin.
-const SAME_SIDE: f32 = -0.3;
+pub(super) const VOXELS: usize = EDGE * ROWS;
 /// Sum of weights beyond which a mean moves no more slowly.
 const MOST_WEIGHT: f32 = 255.0;
 /// What a frame counts that sees far past a voxel: at the rim of something thin half a pixel decides whether it does.
 const PAST: f32 = 0.05;
-
 /// Times better that one layer of a voxel was seen than another that then is none.
 const FAR_WORSE: u8 = 4;
+/// Steps of a share of a colour.
+const SHARES: f32 = 32768.0;
 
 /// A cube of voxels, x running fastest. A voxel is a sample at its lower corner, in up to two layers: a thin sheet is seen
 /// from both sides, and what is before it from the one is behind it from the other (after M. Splietker, S. Behnke,
 /// *Directional TSDF: Modeling Surface Orientation for Coherent Meshes*, IROS 2019, with two sides a voxel for six in all).
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct Block {
     /// Place of the block, in blocks from the volume's origin.
     pub(super) place: IVec3,
     /// The number of the last frame that came near.
     pub(super) frame: u32,
-    first: Box<[Voxel; VOXELS]>,
+    first: Box<Layer>,
     /// Made where something is seen from two sides.
-    second: Option<Box<[Voxel; VOXELS]>>,
+    second: Option<Box<Layer>>,
+}
+
+/// One side of the surfaces near a block's samples.
+#[derive(Debug, Clone)]
+struct Layer {
+    rows: [Row; ROWS],
+}
+
+/// The samples of a row.
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    /// Signed distance from the surface in truncations, −1 (behind) to 1 (before); the mean of what frames say.
+    distance: [f32; EDGE],
+    /// Sum of the frames' weights; 0 = unseen.
+    weight: [f32; EDGE],
+    /// Mean colour in steps of 1/256 of sRGB's.
+    color: [[u16; 3]; EDGE],
+    /// The normal of the frame that saw most of it.
+    normal: [Facing; EDGE],
+    /// That frame's weight in steps of 1/255.
+    sight: [u8; EDGE],
 }
 
 /// One side of a surface near a sample.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Voxel {
-    /// Signed distance from the surface in truncations, −1 (behind) to 1 (before); the mean of what frames say.
+    /// Signed distance from the surface in truncations, −1 (behind) to 1 (before).
     pub(super) distance: f32,
-    /// Sum of the frames' weights; 0 = unseen.
+    /// Sum of the frames' weights, above 0.
     pub(super) weight: f32,
-    /// Mean colour in steps of 1/256 of sRGB's.
-    color: [u16; 3],
-    /// The normal of the frame that saw most of it, in steps of 1/127, and that frame's weight in steps of 1/255.
-    normal: [i8; 3],
-    sight: u8,
+    /// Towards those who saw it.
+    pub(super) normal: Facing,
+    /// In steps of 1/256 of sRGB's.
+    pub(super) color: [u16; 3],
 }
 
-impl Block {
-    pub(super) fn new(place: IVec3) -> Self {
-        Self { place, frame: 0, first: Box::new([Voxel::default(); VOXELS]), second: None }
-    }
-
-    /// The layers of a voxel that were seen.
-    fn layers(&self, voxel: usize) -> [Option<&Voxel>; 2] {
-        let second = self.second.as_ref().map(|layer| &layer[voxel]);
-        [Some(&self.first[voxel]), second].map(|layer| layer.filter(|layer| layer.weight > 0.0))
-    }
-
-    /// The layers of a voxel that are sides of a surface: where one was seen well, another that was only seen from its rim
-    /// is none.
-    pub(super) fn sides(&self, voxel: usize) -> [Option<&Voxel>; 2] {
-        let layers = self.layers(voxel);
-        let best = layers.into_iter().flatten().map(|layer| layer.sight).max().unwrap_or(0);
-        layers.map(|layer| layer.filter(|layer| layer.sight >= best / FAR_WORSE))
-    }
-
-    /// Adds what a pixel says of a voxel: `distance` in truncations, −1 or more.
-    pub(super) fn update(&mut self, voxel: usize, distance: f32, weight: f32, pixel: &Pixel) {
-        if distance >= 1.0 {
-            let second = self.second.as_mut().map(|layer| &mut layer[voxel]);
-            for layer in [Some(&mut self.first[voxel]), second].into_iter().flatten().filter(|layer| layer.weight > 0.0)
-            {
-                layer.pull(1.0, weight * PAST);
-            }
-            return;
-        }
-        let side = self.layers(voxel).map(|layer| layer.map(|layer| layer.normal().dot(pixel.normal)));
-        let layer = match side {
-            [None, _] => &mut self.first,
-            [Some(first), None] if first > SAME_SIDE => &mut self.first,
-            [Some(_), None] => self.second.get_or_insert_with(|| Box::new([Voxel::default(); VOXELS])),
-            [Some(first), Some(second)] if first >= second => &mut self.first,
-            [Some(_), Some(_)] => self.second.get_or_insert_with(|| Box::new([Voxel::default(); VOXELS])),
-        };
-        layer[voxel].see(distance, weight, pixel);
-    }
-
-    /// What the block takes.
-    pub(super) fn bytes(&self) -> usize {
-        size_of::<Self>() + (1 + usize::from(self.second.is_some())) * VOXELS * size_of::<Voxel>()
-    }
+/// What a frame says of the voxels of a row.
+pub(super) struct Said<'a> {
+    /// Which voxels it says something of: all bits set.
+    pub(super) of: f32x8,
+    /// Signed distance from the surface in truncations, −1 to 1; 1 is far before it.
+    pub(super) distance: f32x8,
+    pub(super) weight: f32x8,
+    /// The pixel that sees each voxel.
+    pub(super) pixels: [&'a Pixel; EDGE],
 }
 
 impl Voxel {
-    fn pull(&mut self, distance: f32, weight: f32) {
-        self.distance += (distance - self.distance) * (weight / (self.weight + weight));
-        self.weight = (self.weight + weight).min(MOST_WEIGHT);
-    }
-
-    fn see(&mut self, distance: f32, weight: f32, pixel: &Pixel) {
-        let share = weight / (self.weight + weight);
-        for (mean, new) in self.color.iter_mut().zip(pixel.color) {
-            let old = f32::from(*mean);
-            *mean = (old + (f32::from(new) * 256.0 - old) * share + 0.5) as u16;
-        }
-        let sight = (pixel.weight * 255.0) as u8;
-        if self.weight == 0.0 || sight > self.sight {
-            (self.normal, self.sight) = (pixel.normal.to_array().map(|along| (along * 127.0) as i8), sight);
-        }
-        self.pull(distance, weight);
-    }
-
-    pub(super) fn normal(&self) -> Vec3 {
-        Vec3::from_array(self.normal.map(f32::from)) / 127.0
-    }
-
     /// sRGB.
     pub(super) fn color(&self) -> Vec3 {
         Vec3::from_array(self.color.map(f32::from)) / 256.0
     }
+}
 
-    /// Whether this may be the same side of a surface as one with this normal.
-    pub(super) fn agrees(&self, normal: Vec3) -> bool {
-        self.normal().dot(normal) > SAME_SIDE
+impl Block {
+    pub(super) fn new(place: IVec3) -> Self {
+        Self { place, frame: 0, first: Layer::new(), second: None }
     }
+
+    /// The layers of a voxel that are sides of a surface: where one was seen well, another that was only seen from its rim
+    /// is none.
+    pub(super) fn sides(&self, voxel: usize) -> [Option<Voxel>; 2] {
+        let (first, first_sight) = self.first.at(voxel);
+        let Some(second) = &self.second else { return [first, None] };
+        let (second, second_sight) = second.at(voxel);
+        let best = first_sight.max(second_sight) / FAR_WORSE;
+        [first.filter(|_| first_sight >= best), second.filter(|_| second_sight >= best)]
+    }
+
+    /// On which side of surfaces its samples lie.
+    pub(super) fn signs(&self) -> Signs {
+        let mut signs = Signs { behind: [0; ROWS], before: [0; ROWS] };
+        for layer in [Some(&self.first), self.second.as_ref()].into_iter().flatten() {
+            for (row, at) in layer.rows.iter().zip(0..) {
+                let seen = f32x8::new(row.weight).simd_gt(f32x8::ZERO);
+                let distance = f32x8::new(row.distance);
+                signs.behind[at] |= (seen & distance.simd_lt(f32x8::ZERO)).to_bitmask() as u8;
+                signs.before[at] |= (seen & distance.simd_ge(f32x8::ZERO)).to_bitmask() as u8;
+            }
+        }
+        signs
+    }
+
+    /// Adds what a frame says of the voxels of a row.
+    pub(super) fn update(&mut self, row: usize, said: &Said<'_>) {
+        let past = said.of & said.distance.simd_ge(f32x8::ONE);
+        let near = said.of & said.distance.simd_lt(f32x8::ONE);
+        let of_second = self.of_second(row, near.to_bitmask(), said);
+        self.first.rows[row].update(near & of_second.simd_eq(f32x8::ZERO), past, said);
+        let of_second = of_second.simd_gt(f32x8::ZERO);
+        if of_second.any() {
+            self.second.get_or_insert_with(Layer::new).rows[row].update(of_second, past, said);
+        } else if let Some(second) = &mut self.second {
+            second.rows[row].update(f32x8::ZERO, past, said);
+        }
+    }
+
+    /// 1 in the lanes, of those given, whose pixels look at the side of the surface that the second layer has, else 0.
+    fn of_second(&self, row: usize, lanes: u32, said: &Said<'_>) -> f32x8 {
+        let mut of_second = [0.0; EDGE];
+        let first = &self.first.rows[row];
+        let second = self.second.as_ref().map(|layer| &layer.rows[row]);
+        for lane in lanes_in(lanes) {
+            let normal = said.pixels[lane].normal;
+            if first.weight[lane] > 0.0 {
+                let other = second.filter(|row| row.weight[lane] > 0.0).map(|row| row.normal[lane].dot(normal));
+                let is_second = first.normal[lane].dot(normal) < other.unwrap_or(Facing::SAME_SIDE);
+                of_second[lane] = f32::from(u8::from(is_second));
+            }
+        }
+        f32x8::new(of_second)
+    }
+
+    /// What the block takes.
+    pub(super) fn bytes(&self) -> usize {
+        size_of::<Self>() + (1 + usize::from(self.second.is_some())) * size_of::<Layer>()
+    }
+}
+
+impl Layer {
+    fn new() -> Box<Self> {
+        const UNSEEN: Row = Row {
+            distance: [0.0; EDGE],
+            weight: [0.0; EDGE],
+            color: [[0; 3]; EDGE],
+            normal: [Facing::NONE; EDGE],
+            sight: [0; EDGE],
+        };
+        Box::new(Self { rows: [UNSEEN; ROWS] })
+    }
+
+    /// A voxel, where it was seen, and how well it was.
+    fn at(&self, voxel: usize) -> (Option<Voxel>, u8) {
+        let (row, x) = (&self.rows[voxel / EDGE], voxel % EDGE);
+        if row.weight[x] <= 0.0 {
+            return (None, 0);
+        }
+        let (distance, weight, normal, color) = (row.distance[x], row.weight[x], row.normal[x], row.color[x]);
+        (Some(Voxel { distance, weight, normal, color }), row.sight[x])
+    }
+}
+
+impl Row {
+    /// Takes what is said of the lanes `near` as of this side; lanes `past` are pulled away from the surface where it was
+    /// seen.
+    fn update(&mut self, near: f32x8, past: f32x8, said: &Said<'_>) {
+        let old = f32x8::new(self.weight);
+        let past = past & old.simd_gt(f32x8::ZERO);
+        let changed = near | past;
+        if !changed.any() {
+            return;
+        }
+        let weight = changed & past.bitselect(said.weight * f32x8::splat(PAST), said.weight);
+        let sum = old + weight;
+        let share = weight / sum.fast_max(f32x8::splat(f32::MIN_POSITIVE));
+        let distance = f32x8::new(self.distance);
+        self.distance = (distance + (said.distance - distance) * share).to_array();
+        self.weight = sum.fast_min(f32x8::splat(MOST_WEIGHT)).to_array();
+        let lanes = near.to_bitmask();
+        if lanes != 0 {
+            let shares = (share * f32x8::splat(SHARES)).fast_round_int().to_array();
+            for lane in lanes_in(lanes) {
+                self.see(lane, said.pixels[lane], shares[lane]);
+            }
+        }
+    }
+
+    /// Takes a share of a pixel's colour, and its normal if none saw better.
+    fn see(&mut self, lane: usize, pixel: &Pixel, share: i32) {
+        for (mean, new) in self.color[lane].iter_mut().zip(pixel.color) {
+            let change = (i32::from(new) << 8) - i32::from(*mean);
+            *mean = (i32::from(*mean) + ((change * share + (1 << 14)) >> 15)) as u16;
+        }
+        if pixel.sight > self.sight[lane] {
+            (self.normal[lane], self.sight[lane]) = (pixel.normal, pixel.sight);
+        }
+    }
+}
+
+/// The numbers of the bits that are set.
+pub(super) fn lanes_in(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = (bits != 0).then(|| bits.trailing_zeros() as usize);
+        bits &= bits.wrapping_sub(1);
+        lane
+    })
 }
 
 /// Place of a voxel within its block.

@@ -2,13 +2,15 @@ use glam::{DVec3, IVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use wide::f32x8;
 
-use super::block::{Block, EDGE, voxel_at};
+use super::block::{Block, EDGE, ROWS, Said};
 use super::blocks::Volume;
 use super::measured::{Measured, Pixel};
 use crate::engine::job::{Progress, Stopped};
 
 /// Rows of pixels that one task looks at for blocks near what they see.
-const ROWS: usize = 32;
+const BAND: usize = 32;
+/// Blocks found lately that are remembered, so that few are found again.
+const RECENT: usize = 1 << 12;
 /// Behind the surface, from this share of the truncation on, a frame's word counts less and less: what it sees there may
 /// be another side of something thin.
 const FULL_BEHIND: f32 = 0.25;
@@ -37,9 +39,9 @@ impl Volume {
         let grid_from_camera = (world_from_camera * (1.0 / self.options.voxel)).as_mat3();
         let (centre, reach) = (centre.as_vec3(), self.truncation());
         let rows = |first: usize| {
-            let mut places: Vec<IVec3> = Vec::new();
+            let mut places = Places::new();
             let mut last = (IVec3::MAX, IVec3::MAX);
-            for y in first..(first + ROWS).min(frame.height) {
+            for y in first..(first + BAND).min(frame.height) {
                 for x in 0..frame.width {
                     let pixel = frame.pixels[y * frame.width + x];
                     if pixel.depth <= 0.0 || !pixel.wanted {
@@ -51,16 +53,14 @@ impl Volume {
                     let around = blocks_around(surface, along.abs() + 1.0);
                     // Most pixels see the block that the one before saw.
                     if around != last {
-                        add_blocks(around, &mut places);
+                        places.add(around);
                         last = around;
                     }
                 }
             }
-            places.sort_unstable_by_key(IVec3::to_array);
-            places.dedup();
-            places
+            places.found
         };
-        let firsts: Vec<usize> = (0..frame.height).step_by(ROWS).collect();
+        let firsts: Vec<usize> = (0..frame.height).step_by(BAND).collect();
         let mut places: Vec<IVec3> = firsts.into_par_iter().flat_map_iter(rows).collect();
         places.par_sort_unstable_by_key(IVec3::to_array);
         places.dedup();
@@ -78,10 +78,30 @@ fn blocks_around(point: Vec3, reach: Vec3) -> (IVec3, IVec3) {
     (block(point - reach), block(point + reach))
 }
 
-fn add_blocks((first, last): (IVec3, IVec3), places: &mut Vec<IVec3>) {
-    for z in first.z..=last.z {
-        for y in first.y..=last.y {
-            places.extend((first.x..=last.x).map(|x| IVec3::new(x, y, z)));
+/// Places of blocks, nearly each of them once.
+struct Places {
+    found: Vec<IVec3>,
+    /// The last one found among those that share a few bits.
+    recent: Vec<IVec3>,
+}
+
+impl Places {
+    fn new() -> Self {
+        Self { found: Vec::new(), recent: vec![IVec3::MAX; RECENT] }
+    }
+
+    fn add(&mut self, (first, last): (IVec3, IVec3)) {
+        for z in first.z..=last.z {
+            for y in first.y..=last.y {
+                for x in first.x..=last.x {
+                    let place = IVec3::new(x, y, z);
+                    let recent = &mut self.recent[(x ^ y << 4 ^ z << 8) as usize % RECENT];
+                    if *recent != place {
+                        *recent = place;
+                        self.found.push(place);
+                    }
+                }
+            }
         }
     }
 }
@@ -103,53 +123,43 @@ impl<'a> Sight<'a> {
     }
 
     fn update(&self, block: &mut Block) {
-        for z in 0..EDGE {
-            for y in 0..EDGE {
-                let first = self.corner + self.steps[1] * y as f32 + self.steps[2] * z as f32;
-                let (pixels, depths) = self.row(first);
-                for (x, (pixel, depth)) in pixels.into_iter().zip(depths).enumerate() {
-                    if let Some(at) = pixel {
-                        self.update_voxel(block, voxel_at(x, y, z), &self.frame.pixels[at], depth);
-                    }
-                }
+        for row in 0..ROWS {
+            let first = self.corner + self.steps[1] * (row % EDGE) as f32 + self.steps[2] * (row / EDGE) as f32;
+            if let Some(said) = self.row(first) {
+                block.update(row, &said);
             }
         }
     }
 
-    /// The pixels that see the eight voxels of a row, and the voxels' depths.
-    fn row(&self, first: Vec3) -> ([Option<usize>; EDGE], [f32; EDGE]) {
+    /// What the frame says of the voxels of the row that begins here, in camera space.
+    fn row(&self, first: Vec3) -> Option<Said<'a>> {
         let ramp = f32x8::new([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
         let along = |first: f32, step: f32| f32x8::splat(first) + ramp * f32x8::splat(step);
         let [x, y, z] = [0, 1, 2].map(|axis| along(first[axis], self.steps[0][axis]));
-        let inverse = f32x8::splat(1.0) / z;
+        let inverse = f32x8::ONE / z;
         let (focal, principal) = (self.frame.focal, self.frame.principal);
-        let column = (x * inverse * f32x8::splat(focal.x) + f32x8::splat(principal.x)).to_array();
-        let row = (y * inverse * f32x8::splat(focal.y) + f32x8::splat(principal.y)).to_array();
-        let depths = z.to_array();
-        let (width, height) = (self.frame.width, self.frame.height);
-        let pixels = std::array::from_fn(|lane| {
-            let seen = depths[lane] > 0.0
-                && column[lane] >= 0.0
-                && row[lane] >= 0.0
-                && column[lane] < width as f32
-                && row[lane] < height as f32;
-            seen.then(|| row[lane] as usize * width + column[lane] as usize)
-        });
-        (pixels, depths)
-    }
-
-    fn update_voxel(&self, block: &mut Block, voxel: usize, pixel: &Pixel, depth: f32) {
-        if pixel.depth <= 0.0 {
-            return;
+        let column = x * inverse * f32x8::splat(focal.x) + f32x8::splat(principal.x);
+        let row = y * inverse * f32x8::splat(focal.y) + f32x8::splat(principal.y);
+        let within = |at: f32x8, size: usize| at.simd_ge(f32x8::ZERO) & at.simd_lt(f32x8::splat(size as f32));
+        let is_seen =
+            z.simd_gt(f32x8::ZERO) & within(column, self.frame.width) & within(row, self.frame.height);
+        if !is_seen.any() {
+            return None;
         }
-        let distance = (pixel.depth - depth) * pixel.slant / self.truncation;
-        if distance < -1.0 {
-            return;
+        let (column, row) = ((column & is_seen).fast_trunc_int().to_array(), (row & is_seen).fast_trunc_int().to_array());
+        let pixels: [&Pixel; EDGE] =
+            std::array::from_fn(|lane| &self.frame.pixels[row[lane] as usize * self.frame.width + column[lane] as usize]);
+        let (mut depth, mut slant, mut weight) = ([0.0; EDGE], [0.0; EDGE], [0.0; EDGE]);
+        for (lane, pixel) in pixels.iter().enumerate() {
+            (depth[lane], slant[lane], weight[lane]) = (pixel.depth, pixel.slant, pixel.weight);
         }
-        let behind = ((1.0 + distance) / (1.0 - FULL_BEHIND)).min(1.0).powi(2);
-        let weight = pixel.weight * behind;
-        if weight > 0.0 {
-            block.update(voxel, distance, weight, pixel);
+        let (depth, slant, weight) = (f32x8::new(depth), f32x8::new(slant), f32x8::new(weight));
+        let distance = (depth - z) * slant * f32x8::splat(1.0 / self.truncation);
+        let of = is_seen & depth.simd_gt(f32x8::ZERO) & distance.simd_gt(-f32x8::ONE);
+        if !of.any() {
+            return None;
         }
+        let behind = ((f32x8::ONE + distance) * f32x8::splat(1.0 / (1.0 - FULL_BEHIND))).fast_min(f32x8::ONE);
+        Some(Said { of, distance: distance.fast_min(f32x8::ONE), weight: weight * behind * behind, pixels })
     }
 }

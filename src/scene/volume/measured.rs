@@ -22,13 +22,35 @@ pub(super) struct Pixel {
     pub(super) depth: f32,
     /// Distance from the surface's tangent plane for one unit of depth before it, 0–1.
     pub(super) slant: f32,
-    /// Squared cosine between the ray and the surface's normal, 0–1.
+    /// Squared cosine between the ray and the surface's normal, 0–1, and the same in steps of 1/255.
     pub(super) weight: f32,
+    pub(super) sight: u8,
     /// Of the surface, in the world, towards the camera.
-    pub(super) normal: Vec3,
+    pub(super) normal: Facing,
     pub(super) color: [u8; 3],
     /// Whether voxels are wanted here.
     pub(super) wanted: bool,
+}
+
+/// A unit vector in steps of 1/127.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Facing([i8; 3]);
+
+impl Facing {
+    /// No direction.
+    pub(super) const NONE: Self = Self([0; 3]);
+    /// Surfaces whose normals' product is up to this are two sides of something thin: a cosine of −0.3.
+    pub(super) const SAME_SIDE: i32 = -(127 * 127 * 3 / 10);
+
+    fn new(unit: Vec3) -> Self {
+        Self(unit.to_array().map(|along| (along * 127.0) as i8))
+    }
+
+    /// Cosine in steps of 1/127².
+    pub(super) fn dot(self, other: Self) -> i32 {
+        let product = |axis: usize| i32::from(self.0[axis]) * i32::from(other.0[axis]);
+        product(0) + product(1) + product(2)
+    }
 }
 
 /// Surfaces seen flatter than this count as seen at it: a cosine.
@@ -67,10 +89,11 @@ impl Measured {
             let across = slope * focal;
             let normal = across.extend(inverse[at] - across.dot(ray));
             let slant = inverse[at] / normal.length();
-            let normal = world_from_camera * -normal.normalize_or_zero();
+            let facing = Facing::new(world_from_camera * -normal.normalize_or_zero());
             let weight = (slant / ray.extend(1.0).length()).clamp(FLATTEST, 1.0).powi(2) * certainty;
             let (depth, slant) = (1.0 / inverse[at], slant.clamp(FLATTEST, 1.0));
-            Pixel { depth, slant, weight, normal, color: image.pixels[from], wanted: wanted(from) }
+            let (sight, color) = ((weight * 255.0) as u8, image.pixels[from]);
+            Pixel { depth, slant, weight, sight, normal: facing, color, wanted: wanted(from) }
         };
         let pixels = (0..width * height).into_par_iter().map(pixel).collect();
         Self { width, height, focal, principal, pixels, rotation, translation: pose.translation }

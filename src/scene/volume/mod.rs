@@ -15,6 +15,7 @@ mod measured;
 mod options;
 mod pieces;
 mod run;
+mod signs;
 #[cfg(test)]
 mod tests;
 
