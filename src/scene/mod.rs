@@ -26,4 +26,4 @@ pub use carry::{CarryOptions, GeometryTracker};
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
 pub use error::SceneError;
 pub use mesh::LabelledMesh;
-pub use voxels::{voxel_faces, voxelize};
+pub use voxels::{fill_interior, voxel_faces, voxelize};

@@ -141,14 +141,15 @@ impl<'a> Sight<'a> {
         let column = x * inverse * f32x8::splat(focal.x) + f32x8::splat(principal.x);
         let row = y * inverse * f32x8::splat(focal.y) + f32x8::splat(principal.y);
         let within = |at: f32x8, size: usize| at.simd_ge(f32x8::ZERO) & at.simd_lt(f32x8::splat(size as f32));
-        let is_seen =
-            z.simd_gt(f32x8::ZERO) & within(column, self.frame.width) & within(row, self.frame.height);
+        let is_seen = z.simd_gt(f32x8::ZERO) & within(column, self.frame.width) & within(row, self.frame.height);
         if !is_seen.any() {
             return None;
         }
-        let (column, row) = ((column & is_seen).fast_trunc_int().to_array(), (row & is_seen).fast_trunc_int().to_array());
-        let pixels: [&Pixel; EDGE] =
-            std::array::from_fn(|lane| &self.frame.pixels[row[lane] as usize * self.frame.width + column[lane] as usize]);
+        let (column, row) =
+            ((column & is_seen).fast_trunc_int().to_array(), (row & is_seen).fast_trunc_int().to_array());
+        let pixels: [&Pixel; EDGE] = std::array::from_fn(|lane| {
+            &self.frame.pixels[row[lane] as usize * self.frame.width + column[lane] as usize]
+        });
         let (mut depth, mut slant, mut weight) = ([0.0; EDGE], [0.0; EDGE], [0.0; EDGE]);
         for (lane, pixel) in pixels.iter().enumerate() {
             (depth[lane], slant[lane], weight[lane]) = (pixel.depth, pixel.slant, pixel.weight);
