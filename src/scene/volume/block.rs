@@ -8,7 +8,6 @@ use super::signs::Signs;
 pub(super) const EDGE: usize = 8;
 /// Rows of voxels in a block.
 pub(super) const ROWS: usize = EDGE * EDGE;
-
 /// Sum of weights beyond which a mean moves no more slowly.
 const MOST_WEIGHT: f32 = 255.0;
 /// What a frame counts that sees far past a voxel: at the rim of something thin half a pixel decides whether it does.

@@ -17,6 +17,8 @@ const STEEPEST: f32 = 2.0;
 pub(super) struct Raw {
     pub(super) positions: Vec<Vec3>,
     pub(super) colors: Vec<[u8; 3]>,
+    /// What frames saw of each vertex: the sum of their weights.
+    pub(super) weights: Vec<f32>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
@@ -26,6 +28,7 @@ struct Vertices {
     edges: Vec<u16>,
     positions: Vec<Vec3>,
     colors: Vec<[u8; 3]>,
+    weights: Vec<f32>,
 }
 
 /// A sample in its two layers.
@@ -70,6 +73,7 @@ impl Volume {
         Ok(Raw {
             positions: vertices.iter().flat_map(|block| &block.positions).copied().collect(),
             colors: vertices.iter().flat_map(|block| &block.colors).copied().collect(),
+            weights: vertices.iter().flat_map(|block| &block.weights).copied().collect(),
             triangles: triangles.concat(),
         })
     }
@@ -81,7 +85,7 @@ impl Volume {
     }
 
     fn vertices_of(&self, block: &Block, signs: &[Signs]) -> Vertices {
-        let mut found = Vertices { edges: Vec::new(), positions: Vec::new(), colors: Vec::new() };
+        let mut found = Vertices { edges: Vec::new(), positions: Vec::new(), colors: Vec::new(), weights: Vec::new() };
         let around = self.around(block);
         let crossings = around.signs(signs);
         for row in 0..ROWS {
@@ -113,6 +117,7 @@ impl Volume {
             let color = here.color().lerp(there.color(), share);
             found.edges.push(((voxel * 3 + axis) * 2 + layer) as u16);
             found.positions.push((around.corner + at * self.options.voxel).as_vec3());
+            found.weights.push(weight);
             found.colors.push(color.to_array().map(|channel| channel.round() as u8));
         }
     }

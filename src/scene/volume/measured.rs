@@ -56,6 +56,9 @@ impl Facing {
 /// Surfaces seen flatter than this count as seen at it: a cosine.
 const FLATTEST: f32 = 0.1;
 
+/// Pixels on each side over which the slope of a surface is taken: a sensor's noise of one pixel would tilt it at random.
+const REACH: usize = 3;
+
 /// What a pixel counts whose neighbours on both sides are another surface: it stands at a rim, where nothing is known of
 /// how the surface goes on.
 const AT_A_RIM: f32 = 0.1;
@@ -133,8 +136,8 @@ impl Slopes<'_> {
             return None;
         }
         let (x, y) = (at % self.width, at / self.width);
-        let right = self.along((x > 0).then(|| at - 1), at, (x + 1 < self.width).then_some(at + 1));
-        let down = self.along((y > 0).then(|| at - self.width), at, (y + 1 < self.height).then_some(at + self.width));
+        let right = self.along(at, 1, [x, self.width - 1 - x]);
+        let down = self.along(at, self.width, [y, self.height - 1 - y]);
         match (right, down) {
             (Some(right), Some(down)) => Some((Vec2::new(right, down), 1.0)),
             (None, None) => None,
@@ -142,15 +145,14 @@ impl Slopes<'_> {
         }
     }
 
-    fn along(&self, before: Option<usize>, at: usize, after: Option<usize>) -> Option<f32> {
+    /// The change for a step of so many pixels, of which there are as many before and after: between the farthest neighbours
+    /// on the same surface.
+    fn along(&self, at: usize, step: usize, [before, after]: [usize; 2]) -> Option<f32> {
         let here = self.inverse[at];
-        let change = |other: Option<usize>| {
-            let change = self.inverse[other?] - here;
-            (change.abs() <= self.tolerance * here).then_some(change)
-        };
-        match (change(before), change(after)) {
-            (Some(before), Some(after)) => Some(0.5 * (after - before)),
-            (before, after) => after.or(before.map(|change| -change)),
-        }
+        let is_same = |other: usize| (self.inverse[other] - here).abs() <= self.tolerance * here;
+        let before = (1..=before.min(REACH)).take_while(|&steps| is_same(at - steps * step)).count();
+        let after = (1..=after.min(REACH)).take_while(|&steps| is_same(at + steps * step)).count();
+        let change = self.inverse[at + after * step] - self.inverse[at - before * step];
+        (before + after > 0).then(|| change / (before + after) as f32)
     }
 }

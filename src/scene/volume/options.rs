@@ -19,7 +19,7 @@ pub struct VolumeOptions {
     pub only_labelled: bool,
     /// Memory that the voxels may take; a surface that needs more is refused.
     pub max_bytes: usize,
-    /// Separate pieces with fewer triangles are left out.
+    /// Separate pieces with fewer triangles are left out, unless some place of theirs was seen well: a grain is small, too.
     pub min_triangles: usize,
 }
 

@@ -1,4 +1,7 @@
-use std::sync::Arc;
+//! A ball and sheets seen from all sides; the made scene seen by a sensor.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, Weak};
 
 use glam::{DMat3, DVec2, DVec3, Vec3};
 use rustc_hash::FxHashMap;
@@ -10,6 +13,8 @@ use crate::geometry::{Camera, Distortion, Pose};
 use crate::masks::LabelMask;
 use crate::scene::fuse::Views;
 use crate::scene::{LabelledMesh, SceneError};
+
+mod made;
 
 const SIZE: u32 = 160;
 
@@ -170,6 +175,46 @@ fn a_surface_beyond_the_memory_it_may_take_is_refused() {
     let options = VolumeOptions { voxel: 0.01, max_bytes: 1 << 20, ..VolumeOptions::default() };
     let made = reconstruct_surface(&Ball::new(Distortion::None), &options, &Progress::default());
     assert!(matches!(made, Err(SceneError::TooLarge { .. })));
+}
+
+/// Makes each depth when it is asked for, and counts those that someone still holds.
+struct Lent {
+    ball: Ball,
+    lent: Mutex<Vec<Weak<DepthMap>>>,
+    most: AtomicUsize,
+}
+
+impl Views for Lent {
+    fn frames(&self) -> &[Frame] {
+        self.ball.frames()
+    }
+    fn has_depth(&self, index: usize) -> bool {
+        self.ball.has_depth(index)
+    }
+    fn image(&self, index: usize) -> Result<Arc<Image>, SceneError> {
+        self.ball.image(index)
+    }
+    fn depth(&self, index: usize) -> Result<Option<Arc<DepthMap>>, SceneError> {
+        let depth = Arc::new((*self.ball.depths[index]).clone());
+        let mut lent = self.lent.lock().unwrap();
+        lent.push(Arc::downgrade(&depth));
+        let held = lent.iter().filter(|depth| depth.strong_count() > 0).count();
+        self.most.fetch_max(held, Ordering::Relaxed);
+        Ok(Some(depth))
+    }
+    fn mask(&self, index: usize) -> Option<Arc<LabelMask>> {
+        self.ball.mask(index)
+    }
+}
+
+#[test]
+fn depths_are_let_go_once_they_are_added() {
+    let lent = Lent { ball: Ball::new(Distortion::None), lent: Mutex::default(), most: AtomicUsize::new(0) };
+    let options = VolumeOptions { voxel: 0.06, ..VolumeOptions::default() };
+    let surface = reconstruct_surface(&lent, &options, &Progress::default()).unwrap();
+    assert_eq!(surface.frames, lent.ball.frames.len());
+    let most = lent.most.into_inner();
+    assert!(most <= 2, "{most} of {} at a time", lent.ball.frames.len());
 }
 
 #[test]
