@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -52,7 +54,7 @@ pub fn select_sources(
     let tracks = sparse.tracks();
     let mut place = vec![None; frames.len()];
     views.iter().enumerate().for_each(|(at, &view)| place[view] = Some(at));
-    let mut tallies: Vec<Vec<Tally>> = views.iter().map(|_| vec![Tally::default(); views.len()]).collect();
+    let mut tallies = vec![Tallies::new(); views.len()];
     for (point, track) in sparse.points.iter().zip(&tracks) {
         let mut seen: Vec<(usize, Sight)> = track
             .iter()
@@ -64,19 +66,21 @@ pub fn select_sources(
         seen.dedup_by_key(|(at, _)| *at);
         for (a, from) in &seen {
             for (b, to) in seen.iter().filter(|(b, _)| b != a) {
-                tallies[*a][*b].add(from, to, options.angles_deg);
+                tallies[*a].entry(*b).or_default().add(from, to, options.angles_deg);
             }
         }
     }
     tallies.iter().map(|row| ranked(row, views, options)).collect()
 }
 
-fn ranked(row: &[Tally], views: &[usize], options: &SelectOptions) -> Vec<SourceView> {
-    let mut sources: Vec<SourceView> = row
+/// What a view shares with those that see any of its points, by their place among the views.
+type Tallies = BTreeMap<usize, Tally>;
+
+fn ranked(tallies: &Tallies, views: &[usize], options: &SelectOptions) -> Vec<SourceView> {
+    let mut sources: Vec<SourceView> = tallies
         .iter()
-        .zip(views)
-        .filter(|(tally, _)| tally.shared >= options.min_shared.max(1))
-        .map(|(tally, &frame)| SourceView { frame, shared: tally.shared, score: tally.score() })
+        .filter(|(_, tally)| tally.shared >= options.min_shared.max(1))
+        .map(|(&at, tally)| SourceView { frame: views[at], shared: tally.shared, score: tally.score() })
         .collect();
     sources.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.frame.cmp(&b.frame)));
     sources.truncate(options.sources.clamp(1, 8));

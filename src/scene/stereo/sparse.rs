@@ -1,4 +1,5 @@
 use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::error::StereoError;
@@ -30,6 +31,9 @@ impl Default for SparseOptions {
         Self { max_side: 800, max_error_px: 2.0, min_angle_deg: 2.0 }
     }
 }
+
+/// Pairs matched side by side before what they found is joined.
+const TOGETHER: usize = 64;
 
 /// A view's features and camera.
 struct View {
@@ -106,15 +110,19 @@ fn matched_tracks(
     let pairs = choose_pairs(&features, &vec![0; views.len()], &PairOptions::default());
     let matches = matcher.of_set(&features)?;
     let mut tracks = Tracks::new(features.iter().map(|features| features.keypoints.len()));
-    for (done, &(first, second)) in pairs.iter().enumerate() {
-        progress.step(done, pairs.len())?;
+    let agreeing = |&(first, second): &(usize, usize)| {
+        progress.check()?;
         let lines = epipolar_lines(&views[first], &views[second]);
-        for (a, b) in matches(first, second)? {
-            let (a, b) = (a as usize, b as usize);
-            let at = [views[first].features.keypoints[a], views[second].features.keypoints[b]];
-            if line_distance(lines, at) <= options.max_error_px {
-                tracks.join((first, a), (second, b));
-            }
+        let at = |a: u32, b: u32| [features[first].keypoints[a as usize], features[second].keypoints[b as usize]];
+        let mut found = matches(first, second)?;
+        found.retain(|&(a, b)| line_distance(lines, at(a, b)) <= options.max_error_px);
+        Ok(found)
+    };
+    for (done, some) in pairs.chunks(TOGETHER).enumerate() {
+        progress.step(done * TOGETHER, pairs.len())?;
+        let found: Vec<Vec<(u32, u32)>> = some.par_iter().map(agreeing).collect::<Result<_, StereoError>>()?;
+        for (&(first, second), found) in some.iter().zip(found) {
+            found.into_iter().for_each(|(a, b)| tracks.join((first, a as usize), (second, b as usize)));
         }
     }
     Ok(tracks.finish())

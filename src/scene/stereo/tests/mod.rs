@@ -2,6 +2,7 @@
 
 mod fusing;
 mod gaps;
+mod pairs;
 mod resuming;
 mod searching;
 mod snapping;
