@@ -12,7 +12,7 @@ use ostra::engine::gpu::{Device, Software};
 use ostra::engine::job::Progress;
 use ostra::geometry::{Camera, Pose};
 use ostra::scene::stereo::Engine;
-use ostra::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Search, Tones};
+use ostra::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Round, Search, Tones};
 
 /// Pictures: a reference and its sources.
 const VIEWS: usize = 5;
@@ -64,7 +64,8 @@ fn timed(engine: &Engine, pictures: &[Arc<Picture>]) -> Result<([Found; 2], [f64
     let known = Some(Arc::new(first.clone()));
     let others = vec![known; sources.len()];
     let begun = Instant::now();
-    let again = engine.search_consistent(&task, &first, &others, 0, &options, &progress)?;
+    let round = Round { start: &first, others: &others, before: 0 };
+    let again = engine.search_consistent(&task, &round, &options, &progress)?;
     Ok(([first, again], [seconds, begun.elapsed().as_secs_f64()]))
 }
 

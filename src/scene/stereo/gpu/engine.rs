@@ -5,9 +5,7 @@ use super::passes::CardPasses;
 use crate::engine::gpu::{Device, GpuError};
 use crate::engine::job::Progress;
 use crate::scene::stereo::StereoError;
-use crate::scene::stereo::patchmatch::{
-    Found, PatchMatchOptions, Search, search, search_consistent, search_consistent_with, search_with,
-};
+use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Processor, Round, Search, search, search_consistent};
 
 /// What PatchMatch runs on.
 #[derive(Debug, Clone, Default)]
@@ -40,7 +38,7 @@ impl Engine {
         }
     }
 
-    /// [`search`] on this engine.
+    /// The planes of a view, from coarse to fine, by the pictures alone.
     ///
     /// # Errors
     /// [`StereoError::Stopped`], [`StereoError::Gpu`].
@@ -51,30 +49,25 @@ impl Engine {
         progress: &Progress,
     ) -> Result<Found, StereoError> {
         match self {
-            Self::Cpu => Ok(search(task, options, progress)?),
-            Self::Gpu(kernels) => search_with(&mut CardPasses::new(kernels), task, options, progress),
+            Self::Cpu => Ok(search(&mut Processor, task, options, progress)?),
+            Self::Gpu(kernels) => search(&mut CardPasses::new(kernels), task, options, progress),
         }
     }
 
-    /// [`search_consistent`] on this engine.
+    /// The planes of a view after a round with geometric consistency.
     ///
     /// # Errors
     /// [`StereoError::Stopped`], [`StereoError::Gpu`].
     pub fn search_consistent(
         &self,
         task: &Search<'_>,
-        start: &Found,
-        others: &[Option<Arc<Found>>],
-        round: u32,
+        round: &Round<'_>,
         options: &PatchMatchOptions,
         progress: &Progress,
     ) -> Result<Found, StereoError> {
         match self {
-            Self::Cpu => Ok(search_consistent(task, start, others, round, options, progress)?),
-            Self::Gpu(kernels) => {
-                let mut passes = CardPasses::new(kernels);
-                search_consistent_with(&mut passes, task, start, others, round, options, progress)
-            }
+            Self::Cpu => Ok(search_consistent(&mut Processor, task, round, options, progress)?),
+            Self::Gpu(kernels) => search_consistent(&mut CardPasses::new(kernels), task, round, options, progress),
         }
     }
 }

@@ -3,12 +3,12 @@ use std::sync::Arc;
 use super::field::Field;
 use super::hints::hints;
 use super::options::PatchMatchOptions;
-use super::passes::{Passes, Processor};
+use super::passes::Passes;
 use super::picture::Picture;
 use super::plane::Plane;
 use super::start::{Parts, coarse_mask, level, random_field};
 use super::visit::Turn;
-use crate::engine::job::{Progress, Stopped};
+use crate::engine::job::Progress;
 
 /// What one view's depth is searched in.
 #[derive(Debug, Clone)]
@@ -38,20 +38,24 @@ pub struct Found {
     pub costs: Vec<f32>,
 }
 
-/// PatchMatch stereo of one view from coarse to fine, by the pictures alone (M. Bleyer, C. Rhemann, C. Rother,
-/// *PatchMatch Stereo*, BMVC 2011; checkerboard order and sampling of Q. Xu and W. Tao, CVPR 2019).
-///
-/// # Errors
-/// [`Stopped`].
-pub fn search(search: &Search<'_>, options: &PatchMatchOptions, progress: &Progress) -> Result<Found, Stopped> {
-    search_with(&mut Processor, search, options, progress)
+/// What a round with geometric consistency goes on from.
+#[derive(Debug, Clone, Copy)]
+pub struct Round<'a> {
+    /// What is known of the view.
+    pub start: &'a Found,
+    /// What is known of each source; `None` for one of which nothing is.
+    pub others: &'a [Option<Arc<Found>>],
+    /// Such rounds that went before.
+    pub before: u32,
 }
 
-/// As [`search`], wherever the passes are carried out.
+/// PatchMatch stereo of one view from coarse to fine, by the pictures alone (M. Bleyer, C. Rhemann, C. Rother,
+/// *PatchMatch Stereo*, BMVC 2011; checkerboard order and sampling of Q. Xu and W. Tao, CVPR 2019), wherever the passes
+/// are carried out.
 ///
 /// # Errors
 /// Those of the passes.
-pub fn search_with<P: Passes>(
+pub fn search<P: Passes>(
     passes: &mut P,
     search: &Search<'_>,
     options: &PatchMatchOptions,
@@ -82,32 +86,15 @@ pub fn search_with<P: Passes>(
     Ok(field.map(|field| found(&field)).unwrap_or_default())
 }
 
-/// A round with geometric consistency: starts from an earlier round's planes and compares with those of the sources
-/// (`None` for a source that has none), which are hypotheses too where they are seen in the reference.
-///
-/// # Errors
-/// [`Stopped`].
-pub fn search_consistent(
-    search: &Search<'_>,
-    start: &Found,
-    others: &[Option<Arc<Found>>],
-    round: u32,
-    options: &PatchMatchOptions,
-    progress: &Progress,
-) -> Result<Found, Stopped> {
-    search_consistent_with(&mut Processor, search, start, others, round, options, progress)
-}
-
-/// As [`search_consistent`], wherever the passes are carried out.
+/// A round with geometric consistency: starts from an earlier round's planes and compares with those of the sources,
+/// which are hypotheses too where they are seen in the reference.
 ///
 /// # Errors
 /// Those of the passes.
-pub fn search_consistent_with<P: Passes>(
+pub fn search_consistent<P: Passes>(
     passes: &mut P,
     search: &Search<'_>,
-    start: &Found,
-    others: &[Option<Arc<Found>>],
-    round: u32,
+    &Round { start, others, before }: &Round<'_>,
     options: &PatchMatchOptions,
     progress: &Progress,
 ) -> Result<Found, P::Error> {
@@ -125,8 +112,8 @@ pub fn search_consistent_with<P: Passes>(
     let mut field = passes.begin(&level, field)?;
     passes.score(&level, &mut field, progress)?;
     for iteration in 0..options.geometric_iterations {
-        let visit = 64 * (round + 1) + iteration;
-        let reach = 0.5f32.powi((round + iteration) as i32);
+        let visit = 64 * (before + 1) + iteration;
+        let reach = 0.5f32.powi((before + iteration) as i32);
         passes.sweep(&level, &mut field, Turn { visit, iteration: iteration + 2, reach, draws: 0 }, progress)?;
     }
     Ok(found(&passes.finish(field)?))

@@ -3,13 +3,14 @@ use std::sync::Arc;
 
 use super::outcome::ViewOutcome;
 use super::pictures::Pictures;
-use super::plan::{Planned, plan};
+use super::plan::{Planned, PlannedView, plan};
 use super::store::{DepthStore, Stage};
 use crate::engine::job::Progress;
 use crate::frames::cameras::SparsePoints;
 use crate::frames::{Frame, FrameStore};
+use crate::scene::SceneError;
 use crate::scene::stereo::filter::{FilterOptions, Neighbour, filter, snapped};
-use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Search};
+use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Round, Search};
 use crate::scene::stereo::{DepthEstimate, Engine, SelectOptions, StereoError};
 
 /// How depth is made of posed pictures.
@@ -77,100 +78,103 @@ pub fn estimate_depths(
     let coarsest = (options.max_side, options.patchmatch.coarsest_px);
     let mut pictures = Pictures::new(request.frames, store, coarsest, options.picture_budget_bytes);
     progress.stage("choose views")?;
-    let mut planned = plan(request, &mut pictures, &options.select, progress)?;
+    let Planned { views, mut outcomes } = plan(request, &mut pictures, &options.select, progress)?;
+    let work = Work { request, depths, options, progress };
     for round in 0..=options.rounds {
         progress.stage(if round == 0 { "depth" } else { "consistent depth" })?;
-        for done in 0..planned.views.len() {
-            progress.step(done, planned.views.len())?;
-            let number = planned.views[done].frame;
+        for (done, view) in views.iter().enumerate() {
+            progress.step(done, views.len())?;
             // Of a run that goes on, earlier rounds of what was done later are gone.
             let mut done_since = (round..=options.rounds).map(Stage::Round).chain([Stage::Filtered]);
-            if !done_since.any(|stage| depths.has(number, stage)) {
-                let estimate = one_round(&planned, done, round, request, &mut pictures, depths, options, progress)?;
-                depths.save(number, Stage::Round(round), estimate)?;
+            if !done_since.any(|stage| depths.has(view.frame, stage)) {
+                depths.save(view.frame, Stage::Round(round), work.searched(view, round, &mut pictures)?)?;
             }
         }
         if round > 0 {
             depths.forget(Stage::Round(round - 1))?;
         }
     }
-    filter_all(&mut planned, &mut pictures, depths, options, progress)?;
-    Ok(planned.outcomes)
-}
-
-#[expect(clippy::too_many_arguments, reason = "one step of a loop whose state these are")]
-fn one_round(
-    planned: &Planned,
-    at: usize,
-    round: u32,
-    request: &StereoRequest<'_>,
-    pictures: &mut Pictures<'_>,
-    depths: &dyn DepthStore,
-    options: &StereoOptions,
-    progress: &Progress,
-) -> Result<DepthEstimate, StereoError> {
-    let view = &planned.views[at];
-    let mut get = |number: usize| pictures.get(number).map_err(crate::scene::SceneError::Request);
-    let reference = get(view.frame)?;
-    let sources: Vec<Arc<Picture>> = view.sources.iter().map(|&number| get(number)).collect::<Result<_, _>>()?;
-    let allowed = (request.mask)(view.frame, &reference.camera);
-    let task = Search {
-        reference: &reference,
-        sources: &sources,
-        depth_range: view.depth_range,
-        seeds: &view.seeds,
-        allowed: allowed.as_deref(),
-    };
-    let found = if round == 0 {
-        request.engine.search(&task, &options.patchmatch, progress)?
-    } else {
-        let before = Stage::Round(round - 1);
-        let found_of = |number: usize, picture: &Picture| -> Result<Option<Found>, StereoError> {
-            let estimate = match depths.load(number, before)? {
-                Some(estimate) => Some(estimate),
-                None => depths.load(number, Stage::Filtered)?,
-            };
-            Ok(estimate.map(|estimate| estimate.found(picture)))
-        };
-        let mut others = Vec::new();
-        for (&number, picture) in view.sources.iter().zip(&sources) {
-            others.push(found_of(number, picture)?.map(Arc::new));
-        }
-        let unknown = || DepthEstimate::empty(reference.camera).found(&reference);
-        let start = found_of(view.frame, &reference)?.unwrap_or_else(unknown);
-        request.engine.search_consistent(&task, &start, &others, round - 1, &options.patchmatch, progress)?
-    };
-    Ok(DepthEstimate::new(&found, &reference))
-}
-
-fn filter_all(
-    planned: &mut Planned,
-    pictures: &mut Pictures<'_>,
-    depths: &dyn DepthStore,
-    options: &StereoOptions,
-    progress: &Progress,
-) -> Result<(), StereoError> {
     progress.stage("filter")?;
-    let last = Stage::Round(options.rounds);
-    for (done, view) in planned.views.iter().enumerate() {
-        progress.step(done, planned.views.len())?;
-        if depths.load(view.frame, Stage::Filtered)?.is_none() {
-            let mut get = |number: usize| pictures.get(number).map_err(crate::scene::SceneError::Request);
-            let Some(own) = depths.load(view.frame, last)? else { continue };
+    for (done, view) in views.iter().enumerate() {
+        progress.step(done, views.len())?;
+        let pixels = work.filtered(view, &mut pictures)?;
+        outcomes.insert(view.frame, ViewOutcome::Done { pixels, sources: view.sources.clone() });
+    }
+    depths.forget(Stage::Round(options.rounds))?;
+    Ok(outcomes)
+}
+
+/// What all steps of a run look at.
+struct Work<'a> {
+    request: &'a StereoRequest<'a>,
+    depths: &'a dyn DepthStore,
+    options: &'a StereoOptions,
+    progress: &'a Progress,
+}
+
+impl Work<'_> {
+    /// A view's depth after a round.
+    fn searched(
+        &self,
+        view: &PlannedView,
+        round: u32,
+        pictures: &mut Pictures<'_>,
+    ) -> Result<DepthEstimate, StereoError> {
+        let mut get = |number: usize| pictures.get(number).map_err(SceneError::Request);
+        let reference = get(view.frame)?;
+        let sources: Vec<Arc<Picture>> = view.sources.iter().map(|&number| get(number)).collect::<Result<_, _>>()?;
+        let allowed = (self.request.mask)(view.frame, &reference.camera);
+        let task = Search {
+            reference: &reference,
+            sources: &sources,
+            depth_range: view.depth_range,
+            seeds: &view.seeds,
+            allowed: allowed.as_deref(),
+        };
+        let (engine, options) = (self.request.engine, &self.options.patchmatch);
+        let found = match round.checked_sub(1) {
+            None => engine.search(&task, options, self.progress)?,
+            Some(before) => {
+                let unknown = || DepthEstimate::empty(reference.camera).found(&reference);
+                let start = self.found(view.frame, before, &reference)?.unwrap_or_else(unknown);
+                let of_source = |(&number, picture): (&usize, &Arc<Picture>)| {
+                    Ok(self.found(number, before, picture)?.map(Arc::new))
+                };
+                let others: Vec<Option<Arc<Found>>> =
+                    view.sources.iter().zip(&sources).map(of_source).collect::<Result<_, StereoError>>()?;
+                let round = Round { start: &start, others: &others, before };
+                engine.search_consistent(&task, &round, options, self.progress)?
+            }
+        };
+        Ok(DepthEstimate::new(&found, &reference))
+    }
+
+    /// What a round found in a view, or what was kept of that in the end.
+    fn found(&self, number: usize, round: u32, picture: &Picture) -> Result<Option<Found>, StereoError> {
+        let estimate = match self.depths.load(number, Stage::Round(round))? {
+            Some(estimate) => Some(estimate),
+            None => self.depths.load(number, Stage::Filtered)?,
+        };
+        Ok(estimate.map(|estimate| estimate.found(picture)))
+    }
+
+    /// Keeps of a view's depth what its sources agree with, if that is not done yet; gives the number of its pixels.
+    fn filtered(&self, view: &PlannedView, pictures: &mut Pictures<'_>) -> Result<usize, StereoError> {
+        let last = Stage::Round(self.options.rounds);
+        if self.depths.load(view.frame, Stage::Filtered)?.is_none()
+            && let Some(own) = self.depths.load(view.frame, last)?
+        {
+            let mut get = |number: usize| pictures.get(number).map_err(SceneError::Request);
             let reference = get(view.frame)?;
             let mut neighbours = Vec::new();
             for &number in &view.sources {
-                let Some(estimate) = depths.load(number, last)? else { continue };
+                let Some(estimate) = self.depths.load(number, last)? else { continue };
                 neighbours.push(Neighbour::new(&reference, get(number)?.as_ref(), estimate));
             }
-            let own = snapped(&own, &reference.levels[0], &options.filter.snap);
-            let filtered = filter(&own, &neighbours, &options.filter);
-            depths.save(view.frame, Stage::Filtered, filtered)?;
+            let own = snapped(&own, &reference.levels[0], &self.options.filter.snap);
+            self.depths.save(view.frame, Stage::Filtered, filter(&own, &neighbours, &self.options.filter))?;
         }
-        let kept = depths.load(view.frame, Stage::Filtered)?;
-        let pixels = kept.map_or(0, |kept| kept.depths.iter().filter(|&&depth| depth > 0.0).count());
-        planned.outcomes.insert(view.frame, ViewOutcome::Done { pixels, sources: view.sources.clone() });
+        let kept = self.depths.load(view.frame, Stage::Filtered)?;
+        Ok(kept.map_or(0, |kept| kept.depths.iter().filter(|&&depth| depth > 0.0).count()))
     }
-    depths.forget(last)?;
-    Ok(())
 }

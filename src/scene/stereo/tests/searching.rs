@@ -2,13 +2,14 @@ use std::sync::Arc;
 
 use super::wall::{BORDER, SIZE, picture, pose, seen};
 use crate::engine::job::Progress;
-use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Plane, Search, search, search_consistent};
+use crate::scene::stereo::Engine;
+use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Plane, Round, Search};
 
 fn found(allowed: Option<&[bool]>) -> Found {
     let sources = [picture(1), picture(2)];
     let reference = picture(0);
     let task = Search { reference: &reference, sources: &sources, depth_range: [1.5, 6.0], seeds: &[], allowed };
-    search(&task, &PatchMatchOptions::default(), &Progress::default()).unwrap()
+    Engine::Cpu.search(&task, &PatchMatchOptions::default(), &Progress::default()).unwrap()
 }
 
 /// Median error of depth as a share of it, away from the borders.
@@ -50,7 +51,8 @@ fn a_consistent_round_keeps_the_wall() {
     let (reference, sources) = (picture(0), [picture(1), picture(2)]);
     let task = Search { reference: &reference, sources: &sources, depth_range: [1.5, 6.0], seeds: &[], allowed: None };
     let options = PatchMatchOptions::default();
-    let again = search_consistent(&task, &first, &[planes(1), planes(2)], 0, &options, &Progress::default()).unwrap();
+    let round = Round { start: &first, others: &[planes(1), planes(2)], before: 0 };
+    let again = Engine::Cpu.search_consistent(&task, &round, &options, &Progress::default()).unwrap();
     let error = median_error(&again);
     assert!(error < 1e-3, "{error}");
 }
@@ -77,5 +79,5 @@ fn a_stop_is_noticed() {
     let reference = picture(0);
     let task =
         Search { reference: &reference, sources: &[picture(1)], depth_range: [1.5, 6.0], seeds: &[], allowed: None };
-    assert!(search(&task, &PatchMatchOptions::default(), &progress).is_err());
+    assert!(Engine::Cpu.search(&task, &PatchMatchOptions::default(), &progress).is_err());
 }

@@ -4,13 +4,13 @@ use super::wall::{picture, pictures, task};
 use super::{Engine, assert_equal, card};
 use crate::engine::job::Progress;
 use crate::scene::stereo::StereoError;
-use crate::scene::stereo::patchmatch::{PatchMatchOptions, Picture, search};
+use crate::scene::stereo::patchmatch::{PatchMatchOptions, Picture};
 
 fn assert_same_search(card: &Engine, pictures: &[Arc<Picture>], what: &str) {
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let task = task(pictures, None);
     let gpu = card.search(&task, &options, &progress).unwrap();
-    assert_equal(card, &search(&task, &options, &progress).unwrap(), &gpu, what);
+    assert_equal(card, &Engine::Cpu.search(&task, &options, &progress).unwrap(), &gpu, what);
 }
 
 #[test]

@@ -1,11 +1,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::{assert_equal, card};
+use super::{Engine, assert_equal, card};
 use crate::engine::job::Progress;
 use crate::frames::cameras::GivenCameras;
 use crate::frames::{FrameFolder, FrameStore, OpenRequest, open};
-use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Search, search, search_consistent};
+use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Round, Search};
 use crate::scene::stereo::raster::{raster_camera, raster_image, tones};
 
 /// Longer side that the pictures are reduced to.
@@ -53,12 +53,13 @@ fn real_pictures_come_to_the_same() {
     for index in 0..3 {
         let mut order = pictures.clone();
         order.swap(0, index);
-        founds.push(search(&task(&order), &options, &progress).unwrap().into());
+        founds.push(Engine::Cpu.search(&task(&order), &options, &progress).unwrap().into());
     }
     let task = task(&pictures);
     assert_equal(&card, &founds[0], &card.search(&task, &options, &progress).unwrap(), "fountain");
     let others: Vec<_> = founds[1..].iter().cloned().map(Some).collect();
-    let cpu = search_consistent(&task, &founds[0], &others, 0, &options, &progress).unwrap();
-    let gpu = card.search_consistent(&task, &founds[0], &others, 0, &options, &progress).unwrap();
+    let round = Round { start: &founds[0], others: &others, before: 0 };
+    let cpu = Engine::Cpu.search_consistent(&task, &round, &options, &progress).unwrap();
+    let gpu = card.search_consistent(&task, &round, &options, &progress).unwrap();
     assert_equal(&card, &cpu, &gpu, "fountain, consistent");
 }

@@ -1,9 +1,9 @@
 use std::sync::Arc;
 
 use super::wall::{found, pictures, task};
-use super::{assert_equal, card};
+use super::{Engine, assert_equal, card};
 use crate::engine::job::Progress;
-use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, search, search_consistent};
+use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Round};
 
 /// An odd width and height.
 const SIZE: (u32, u32) = (141, 101);
@@ -15,7 +15,7 @@ fn a_search_finds_what_the_processor_finds() {
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let task = task(&pictures, None);
     let gpu = card.search(&task, &options, &progress).unwrap();
-    assert_equal(&card, &search(&task, &options, &progress).unwrap(), &gpu, "search");
+    assert_equal(&card, &Engine::Cpu.search(&task, &options, &progress).unwrap(), &gpu, "search");
 }
 
 #[test]
@@ -27,7 +27,7 @@ fn a_masked_search_finds_what_the_processor_finds() {
         (0..SIZE.0 * SIZE.1).map(|at| (at % SIZE.0 / 20).is_multiple_of(2) && at / SIZE.0 > 15).collect();
     let task = task(&pictures, Some(&allowed));
     let gpu = card.search(&task, &options, &progress).unwrap();
-    assert_equal(&card, &search(&task, &options, &progress).unwrap(), &gpu, "masked");
+    assert_equal(&card, &Engine::Cpu.search(&task, &options, &progress).unwrap(), &gpu, "masked");
     assert!(gpu.planes.iter().zip(&allowed).all(|(plane, &allowed)| allowed || plane.inverse_depth == 0.0));
 }
 
@@ -43,10 +43,11 @@ fn consistent_rounds_find_what_the_processor_finds() {
     let cases = [("all known", &known, None), ("some known", &partly, None), ("masked", &known, Some(&allowed[..]))];
     for (what, others, allowed) in cases {
         let task = task(&pictures, allowed);
-        for round in 0..2 {
-            let gpu = card.search_consistent(&task, &first[0], others, round, &options, &progress).unwrap();
-            let cpu = search_consistent(&task, &first[0], others, round, &options, &progress).unwrap();
-            assert_equal(&card, &cpu, &gpu, &format!("consistent round {round}, {what}"));
+        for before in 0..2 {
+            let round = Round { start: &first[0], others, before };
+            let gpu = card.search_consistent(&task, &round, &options, &progress).unwrap();
+            let cpu = Engine::Cpu.search_consistent(&task, &round, &options, &progress).unwrap();
+            assert_equal(&card, &cpu, &gpu, &format!("consistent round {before}, {what}"));
         }
     }
 }

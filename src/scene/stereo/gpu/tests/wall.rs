@@ -2,9 +2,10 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec2, DVec3};
 
+use super::Engine;
 use crate::engine::job::Progress;
 use crate::geometry::{Camera, Pose};
-use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Search, Tones, search};
+use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Search, Tones};
 
 /// Depths that are searched.
 pub const RANGE: [f64; 2] = [1.2, 6.0];
@@ -53,7 +54,7 @@ pub fn found(pictures: &[Arc<Picture>]) -> Vec<Arc<Found>> {
     let one = |index: usize| {
         let mut order = pictures.to_vec();
         order.swap(0, index);
-        Arc::new(search(&task(&order, None), &PatchMatchOptions::default(), &Progress::default()).unwrap())
+        Engine::Cpu.search(&task(&order, None), &PatchMatchOptions::default(), &Progress::default()).unwrap().into()
     };
     (0..pictures.len()).map(one).collect()
 }
