@@ -2,6 +2,7 @@
 
 mod fusing;
 mod gaps;
+mod lens;
 mod pairs;
 mod resuming;
 mod searching;

@@ -29,25 +29,35 @@ fn along(centre: DVec3, ray: DVec3) -> f64 {
     (3.0 + 0.4 * centre.x - 0.3 * centre.y - centre.z) / (ray.z - 0.4 * ray.x + 0.3 * ray.y)
 }
 
-/// Where a camera's pixel sees the wall, and its depth.
+/// Where a straight camera's pixel sees the wall, and its depth.
 pub fn seen(pose: &Pose, at_px: DVec2) -> (DVec3, f64) {
-    let ray = camera().unproject(at_px).extend(1.0);
+    seen_by(&camera(), pose, at_px)
+}
+
+/// Where a camera's pixel sees the wall, and its depth.
+pub fn seen_by(camera: &Camera, pose: &Pose, at_px: DVec2) -> (DVec3, f64) {
+    let ray = camera.unproject(at_px).extend(1.0);
     let (centre, towards) = (pose.centre(), pose.rotation.conjugate() * ray);
     let depth = along(centre, towards);
     (centre + depth * towards, depth)
 }
 
 /// The wall's grey, 0–255.
-fn paint(x: DVec3) -> f32 {
+pub fn paint(x: DVec3) -> f32 {
     let wave = |kx: f64, ky: f64, phase: f64| (kx * x.x + ky * x.y + phase).sin();
     let sum = wave(17.0, 5.0, 0.3) + wave(-7.0, 19.0, 1.1) + wave(29.0, -23.0, 2.0) + wave(11.0, 31.0, 0.7);
     (127.5 + 30.0 * sum) as f32
 }
 
 pub fn grey(pose: &Pose) -> Tones {
+    painted(&camera(), pose, |_, x| paint(x))
+}
+
+/// A picture of which each pixel shows what is painted where it sees the wall.
+pub fn painted(camera: &Camera, pose: &Pose, paint: impl Fn(usize, DVec3) -> f32) -> Tones {
     let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
     let at = |i: usize| DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-    let luma = (0..width * height).map(|i| paint(seen(pose, at(i)).0)).collect();
+    let luma = (0..width * height).map(|i| paint(i, seen_by(camera, pose, at(i)).0)).collect();
     Tones { width, height, luma, chroma: Vec::new() }
 }
 
