@@ -2,10 +2,43 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::scene::stereo::patchmatch::{Level, MAX_SOURCES, Source, Transfer, Turn};
+use crate::scene::stereo::patchmatch::{Level, MAX_SOURCES, Source, Transfer, Turn, constants};
 
 /// Taps of the window, four to a vector.
-const QUARTERS: usize = 6;
+const QUARTERS: usize = constants::TAPS / 4;
+
+/// `Constants` of `data.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct ConstantsData {
+    worst: f32,
+    bad: f32,
+    noise: f32,
+    far: f32,
+    color_weight: f32,
+    color_variance: f32,
+    same_chroma: f32,
+    per_chroma_range: f32,
+    flat_below: f32,
+    flat_variance: f32,
+    flat_cost: f32,
+    unlike_cost: f32,
+}
+
+const CONSTANTS: ConstantsData = ConstantsData {
+    worst: constants::WORST,
+    bad: constants::BAD,
+    noise: constants::NOISE,
+    far: constants::FAR,
+    color_weight: constants::COLOR_WEIGHT,
+    color_variance: constants::COLOR_VARIANCE,
+    same_chroma: constants::SAME_CHROMA,
+    per_chroma_range: 1.0 / constants::CHROMA_RANGE,
+    flat_below: constants::FLAT_BELOW,
+    flat_variance: constants::FLAT_VARIANCE,
+    flat_cost: constants::FLAT_COST,
+    unlike_cost: constants::UNLIKE_COST,
+};
 
 /// `Source` of `data.wgsl`.
 #[repr(C)]
@@ -28,6 +61,7 @@ pub struct LevelData {
     near: [[f32; 4]; QUARTERS],
     alike: [[f32; 4]; 64],
     alike_chroma: [[f32; 4]; 64],
+    constants: ConstantsData,
     focal: [f32; 2],
     per_focal: [f32; 2],
     principal: [f32; 2],
@@ -42,7 +76,9 @@ pub struct LevelData {
     near_depth: f32,
     seed: u32,
     has_guides: u32,
-    padding: u32,
+    pull: f32,
+    per_pull_reach: f32,
+    padding: [u32; 3],
 }
 
 /// `Turn` of `data.wgsl`.
@@ -65,8 +101,17 @@ pub struct TurnData {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct SizesData {
-    pub fine: [u32; 2],
-    pub coarse: [u32; 2],
+    fine: [u32; 2],
+    coarse: [u32; 2],
+    worst: f32,
+    padding: u32,
+}
+
+impl SizesData {
+    /// Columns and rows of a finer field and of the coarser one that it is made of.
+    pub fn new(fine: [u32; 2], coarse: [u32; 2]) -> Self {
+        Self { fine, coarse, worst: constants::WORST, padding: 0 }
+    }
 }
 
 impl LevelData {
@@ -84,6 +129,7 @@ impl LevelData {
             near: quarters(&window.near),
             alike: quarters(&window.alike),
             alike_chroma: quarters(&window.alike_chroma),
+            constants: CONSTANTS,
             focal: raster.focal,
             per_focal: raster.focal.map(|focal| 1.0 / focal),
             principal: raster.principal,
@@ -98,7 +144,9 @@ impl LevelData {
             near_depth: options.alike_px * level.step,
             seed: options.seed,
             has_guides: u32::from(level.allowed.is_some() || !level.hints.is_empty()),
-            padding: 0,
+            pull: level.pull,
+            per_pull_reach: 1.0 / level.pull_reach(),
+            padding: [0; 3],
         }
     }
 }

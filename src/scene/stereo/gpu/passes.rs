@@ -39,7 +39,7 @@ impl Passes for CardPasses<'_> {
     fn finer(&mut self, level: &Level<'_>, coarser: &CardField) -> Result<CardField, StereoError> {
         let Kernels { device, enlargement, enlarge, .. } = self.kernels;
         let field = CardField::new(self.kernels, level)?;
-        let sizes = device.uniform("sizes", &SizesData { fine: field.size, coarse: coarser.size })?;
+        let sizes = device.uniform("sizes", &SizesData::new(field.size, coarser.size))?;
         let bindings = device.bind(enlargement, &[&sizes, &coarser.values, &field.values])?;
         let submission = device.submit(enlarge, &bindings, field.size.map(|side| side.div_ceil(GROUP)))?;
         device.wait(submission)?;
@@ -69,6 +69,10 @@ impl Passes for CardPasses<'_> {
     }
 
     fn finish(&mut self, field: CardField) -> Result<Field, StereoError> {
+        self.copied(&field)
+    }
+
+    fn copied(&mut self, field: &CardField) -> Result<Field, StereoError> {
         let [width, height] = field.size.map(|side| side as usize);
         let values = self.kernels.device.read(&field.values, 2 * width.div_ceil(2) * height)?;
         Ok(unpacked(&values, field.size))

@@ -1,7 +1,7 @@
 use super::data::{LevelData, TurnData};
 use super::kernels::Kernels;
 use crate::engine::gpu::{Bindings, Buffer, Device, GpuError};
-use crate::scene::stereo::patchmatch::{Color, Field, Level, Plane};
+use crate::scene::stereo::patchmatch::{Color, Field, Hint, Level, Plane};
 
 /// A field on the device, bound together with all that the passes over it look at.
 #[derive(Debug)]
@@ -81,15 +81,17 @@ fn chromas(device: &Device, level: &Level<'_>, firsts: &[usize]) -> Result<Buffe
     Ok(chromas)
 }
 
-/// For each pixel its hint and whether it is worked on; nothing where that is so for all, and there are no hints.
+/// For each pixel its hint, whether it is worked on (1) and its surface known (2); nothing where all are worked on and
+/// there are no hints.
 fn guides(level: &Level<'_>) -> Vec<[f32; 4]> {
     if level.allowed.is_none() && level.hints.is_empty() {
         return Vec::new();
     }
     let guide = |at: usize| {
-        let hint = level.hints.get(at).copied().unwrap_or_default();
+        let Hint { plane, is_known } = level.hints.get(at).copied().unwrap_or_default();
         let is_allowed = level.allowed.is_none_or(|allowed| allowed[at]);
-        [hint.inverse_depth, hint.slope[0], hint.slope[1], f32::from(u8::from(is_allowed))]
+        let state = if is_allowed { 1 + u8::from(is_known) } else { 0 };
+        [plane.inverse_depth, plane.slope[0], plane.slope[1], f32::from(state)]
     };
     (0..level.picture.width * level.picture.height).map(guide).collect()
 }

@@ -1,4 +1,4 @@
-use pulp::Simd;
+use pulp::{NullaryFnOnce, Simd};
 
 use super::field::Color;
 use super::level::Level;
@@ -9,7 +9,7 @@ use super::visit::{Changes, Turn};
 use super::window::Patch;
 
 /// Reach of draws from other pixels, pixels.
-const FAR: f32 = 24.0;
+pub const FAR: f32 = 24.0;
 
 /// One pixel's hypotheses being compared.
 pub struct Contest<'a, 'b> {
@@ -31,6 +31,7 @@ pub struct Contest<'a, 'b> {
 
 impl Contest<'_, '_> {
     /// Takes a hypothesis where it costs less. Gives its cost; the sum so far where that is too much already.
+    #[inline(always)]
     fn challenge<S: Simd>(&mut self, simd: S, plane: Plane) -> f32 {
         let cost = self.cost_of(simd, plane, self.cost);
         if cost < self.cost {
@@ -39,11 +40,19 @@ impl Contest<'_, '_> {
         cost
     }
 
+    /// The cost over the sources that count; the sum so far where that reaches a limit. Compiled once, as it is called
+    /// from many places.
+    #[inline(always)]
     fn cost_of<S: Simd>(&self, simd: S, plane: Plane, limit: f32) -> f32 {
+        simd.vectorize(Judgement { simd, contest: self, plane, limit })
+    }
+
+    #[inline(always)]
+    fn judged<S: Simd>(&self, simd: S, plane: Plane, limit: f32) -> f32 {
         if !self.level.is_possible(plane, self.x, self.y) {
             return f32::INFINITY;
         }
-        let mut sum = 0.0;
+        let mut sum = self.level.pulled(&self.patch, (plane, self.x, self.y));
         for &source in &self.views.order[..self.views.count] {
             let source = source as usize;
             let at = (plane, self.x, self.y);
@@ -57,6 +66,7 @@ impl Contest<'_, '_> {
 
     /// Depths from anywhere in the range, and planes of pixels farther off than the regions reach: a thin part before a
     /// background that coarser levels took for the surface is found again.
+    #[inline(always)]
     pub fn restart<S: Simd>(&mut self, simd: S, other: &Color, dice: Dice, turn: Turn) {
         let mut dice = dice.beside();
         let [low, high] = self.level.range;
@@ -73,6 +83,7 @@ impl Contest<'_, '_> {
     }
 
     /// The plane of a pixel of the other colour at about an offset.
+    #[inline(always)]
     fn far_off(&self, other: &Color, dx: i32, dy: i32) -> Option<Plane> {
         let (width, height) = (self.level.picture.width, self.level.picture.height);
         let dx = if (dx + dy) % 2 == 0 { dx + 1 } else { dx };
@@ -83,6 +94,7 @@ impl Contest<'_, '_> {
     }
 
     /// Random changes of depth, slope and both, then the vertex of a parabola.
+    #[inline(always)]
     pub fn refine<S: Simd>(&mut self, simd: S, mut dice: Dice, turn: Turn) {
         let Changes { depth, slope, by_depth, by_slope } = turn.changes(self.level);
         self.challenge(simd, self.changed(&mut dice, depth, 0.0));
@@ -96,6 +108,7 @@ impl Contest<'_, '_> {
         });
     }
 
+    #[inline(always)]
     fn changed(&self, dice: &mut Dice, depth: f32, slope: f32) -> Plane {
         let mut plane = self.plane;
         plane.inverse_depth += depth * dice.signed();
@@ -106,6 +119,7 @@ impl Contest<'_, '_> {
     }
 
     /// A step to the vertex of the parabola through the costs here and a little to both sides.
+    #[inline(always)]
     fn descend<S: Simd>(&mut self, simd: S, by: f32, changed: impl Fn(Plane, f32) -> Plane) {
         let (middle, cost) = (self.plane, self.cost);
         let before = self.cost_of(simd, changed(middle, -by), f32::INFINITY);
@@ -119,5 +133,22 @@ impl Contest<'_, '_> {
             1.0
         };
         self.challenge(simd, changed(middle, vertex * by));
+    }
+}
+
+/// A hypothesis and the cost from which on it does not matter.
+struct Judgement<'a, 'b, 'c, S> {
+    simd: S,
+    contest: &'a Contest<'b, 'c>,
+    plane: Plane,
+    limit: f32,
+}
+
+impl<S: Simd> NullaryFnOnce for Judgement<'_, '_, '_, S> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn call(self) -> f32 {
+        self.contest.judged(self.simd, self.plane, self.limit)
     }
 }

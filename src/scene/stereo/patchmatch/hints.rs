@@ -2,16 +2,26 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::level::Hint;
 use super::plane::{Plane, Raster};
-use super::search::{Found, Search};
+use super::search::{Found, Round, Search};
 
 /// Planes of sources that cost more are no hints.
 const MAX_COST: f32 = 0.6;
+/// The surface of a flat patch that cost less is known.
+const SURE: f32 = 0.7;
+
+/// What a round knows beforehand, row by row: the planes of other views, and what surface lies there where the round
+/// before was sure of it. `step` is the change of inverse depth that makes another surface.
+pub fn hints(search: &Search<'_>, round: &Round<'_>, step: f32) -> Vec<Hint> {
+    let planes = of_sources(search, round.start, round.others, step);
+    let hint = |(plane, &cost): (Plane, &f32)| Hint { plane, is_known: cost < SURE };
+    planes.into_iter().zip(&round.start.costs).map(hint).collect()
+}
 
 /// For each pixel of the reference the cheapest plane of a source that is seen there and is not the pixel's own surface
-/// (view propagation of M. Bleyer, C. Rhemann, C. Rother, *PatchMatch Stereo*, BMVC 2011); row by row, inverse depth 0 =
-/// none. `step` is the change of inverse depth that makes another surface.
-pub fn hints(search: &Search<'_>, start: &Found, others: &[Option<Arc<Found>>], step: f32) -> Vec<Plane> {
+/// (view propagation of M. Bleyer, C. Rhemann, C. Rother, *PatchMatch Stereo*, BMVC 2011); inverse depth 0 = none.
+fn of_sources(search: &Search<'_>, start: &Found, others: &[Option<Arc<Found>>], step: f32) -> Vec<Plane> {
     let mut planes = vec![Plane::default(); start.planes.len()];
     let mut costs = vec![MAX_COST; start.planes.len()];
     let raster = search.reference.raster(0);

@@ -24,6 +24,18 @@ pub struct Source {
     pub found: Option<(Arc<Found>, Transfer)>,
 }
 
+/// What is known of a pixel before it is looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Hint {
+    /// A hypothesis from elsewhere; inverse depth 0 = none.
+    pub plane: Plane,
+    /// What surface lies here is known from around: a flat patch is no reason for doubt.
+    pub is_known: bool,
+}
+
+/// Hints pull up to so many pixels away.
+const PULL_REACH_PX: f32 = 2.0;
+
 /// All that the search of one view at one level looks at.
 #[derive(Debug)]
 pub struct Level<'a> {
@@ -39,8 +51,10 @@ pub struct Level<'a> {
     pub step: f32,
     /// Pixels to be worked on, row by row; `None` = all.
     pub allowed: Option<&'a [bool]>,
-    /// A hypothesis of another view for each pixel, row by row (none = inverse depth 0); empty = none for any.
-    pub hints: Vec<Plane>,
+    /// What is known of each pixel beforehand, row by row; empty = nothing of any.
+    pub hints: Vec<Hint>,
+    /// Cost of a flat patch that lies off its hint by [`Self::pull_reach`] or more; 0 where hints do not pull.
+    pub pull: f32,
     /// Its options.
     pub options: &'a PatchMatchOptions,
     /// The window.
@@ -50,6 +64,37 @@ pub struct Level<'a> {
 }
 
 impl Level<'_> {
+    /// A pixel's surroundings, made ready to be compared.
+    #[inline(always)]
+    pub fn patch(&self, x: usize, y: usize) -> Patch {
+        let is_known = self.hints.get(y * self.picture.width + x).is_some_and(|hint| hint.is_known);
+        Patch::new(self.window, &self.picture, x, y).on(is_known)
+    }
+
+    /// A pixel's hypothesis from elsewhere, if it has one; of the surface around only where its patch is flat.
+    #[inline(always)]
+    pub fn hint_for(&self, patch: &Patch, x: usize, y: usize) -> Option<Plane> {
+        let counts = self.pull <= 0.0 || patch.flatness > 0.0;
+        self.hints.get(y * self.picture.width + x).filter(|_| counts).map(|hint| hint.plane)
+    }
+
+    /// Change of inverse depth beyond which hints do not pull more.
+    pub fn pull_reach(&self) -> f32 {
+        PULL_REACH_PX * self.step
+    }
+
+    /// Cost of how far a hypothesis lies off a pixel's hint, where its patch is flat.
+    #[inline(always)]
+    pub fn pulled(&self, patch: &Patch, (plane, x, y): (Plane, f32, f32)) -> f32 {
+        let most = patch.flatness * self.pull;
+        if most <= 0.0 {
+            return 0.0;
+        }
+        let hint = self.hints[y as usize * self.picture.width + x as usize].plane;
+        let off = (plane.inverse_depth - hint.inverse_depth).abs() * (1.0 / self.pull_reach());
+        (most * off).min(most)
+    }
+
     /// Whether a hypothesis lies in range and faces the camera.
     #[inline(always)]
     pub fn is_possible(&self, plane: Plane, x: f32, y: f32) -> bool {
@@ -87,11 +132,13 @@ fn forward_backward(
     let [u, v, z] = source.transfer.apply(x, y, plane.inverse_depth);
     let scale = 1.0 / z;
     let (u, v) = (u * scale, v * scale);
-    let (column, row) = ((u + 0.5) as usize, (v + 0.5) as usize);
-    if column >= source.texture.width || row >= source.texture.height {
+    // Signed 32 bits are what processors convert to.
+    let (column, row) = ((u + 0.5).max(0.0) as i32, (v + 0.5).max(0.0) as i32);
+    let (width, height) = (source.texture.width, source.texture.height);
+    if column as usize >= width || row as usize >= height {
         return None;
     }
-    let there = found.planes[row * source.texture.width + column];
+    let there = found.planes[row as usize * width + column as usize];
     if there.inverse_depth <= 0.0 {
         return None;
     }

@@ -14,6 +14,7 @@ mod options;
 mod passes;
 mod picture;
 mod plane;
+mod priors;
 mod random;
 mod regions;
 mod search;
@@ -27,7 +28,7 @@ mod visit;
 mod window;
 
 pub(super) use field::{Color, Field};
-pub(super) use level::{Level, MAX_SOURCES, Source};
+pub(super) use level::{Hint, Level, MAX_SOURCES, Source};
 pub use ncc::Transfer;
 pub use options::PatchMatchOptions;
 pub(super) use passes::{Passes, Processor};
@@ -37,3 +38,13 @@ pub use search::{Found, Round, Search};
 pub(super) use search::{search, search_consistent};
 pub use texture::{Texture, Tones};
 pub(super) use visit::Turn;
+
+/// What `stereo::gpu` is told of, so that it is stated once.
+pub(super) mod constants {
+    pub use super::contest::FAR;
+    pub use super::ncc::{CHROMA_RANGE, FLAT_COST, SAME_CHROMA, UNLIKE_COST, WORST};
+    pub use super::views::BAD;
+    #[cfg(test)]
+    pub use super::views::COMPARED;
+    pub use super::window::{COLOR_VARIANCE, COLOR_WEIGHT, FLAT_BELOW, FLAT_VARIANCE, NOISE, TAPS};
+}

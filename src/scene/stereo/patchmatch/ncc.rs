@@ -2,7 +2,7 @@ use pulp::{NullaryFnOnce, Simd};
 
 use super::plane::Plane;
 use super::texture::Texture;
-use super::window::{NOISE, PADDED, Patch, TAPS, Window};
+use super::window::{FLAT_VARIANCE, NOISE, PADDED, Patch, TAPS, Window};
 
 /// Cost of a hypothesis that cannot be compared.
 pub const WORST: f32 = 2.0;
@@ -13,9 +13,13 @@ const COUNTING: f32 = 8_388_608.0;
 /// Those bits.
 const COUNTING_MASK: u32 = 0x7F_FFFF;
 /// Sum of differences of chroma up to which colours are the same (noise, and what JPEG leaves), 0–255 each.
-const SAME_CHROMA: f32 = 10.0;
+pub const SAME_CHROMA: f32 = 10.0;
 /// By how much more they are wholly others.
-const CHROMA_RANGE: f32 = 40.0;
+pub const CHROMA_RANGE: f32 = 40.0;
+/// Cost of a flat patch that is seen as flat: less than of texture that is like nothing, more than of what is alike.
+pub const FLAT_COST: f32 = 0.6;
+/// What is added to it where texture is seen instead.
+pub const UNLIKE_COST: f32 = 0.7;
 
 /// The way from pixels of one view into another: `(x, y, 1)` at inverse depth `w` is seen at
 /// `matrix · (x, y, 1) + w · offset`, in homogeneous pixel indices.
@@ -48,7 +52,9 @@ impl Transfer {
 /// `1 − NCC` between a patch and where its plane is seen in a source picture, 0–2 (bilateral weights as in J. Schönberger
 /// et al., *Pixelwise View Selection for Unstructured Multi-View Stereo*, ECCV 2016); [`WORST`] where the centre is not
 /// seen. A little noise is added to both variances, so that flat patches are like nothing; they are told by how far the
-/// centre's chroma is off, which does not change with the light, and counts the less the more texture a patch has.
+/// centre's chroma is off, which does not change with the light, and counts the less the more texture a patch has. Where a
+/// patch without texture lies on a surface that is known from around, being like nothing is no reason for doubt; texture
+/// seen in its place is.
 #[inline(always)]
 pub fn cost<S: Simd>(
     simd: S,
@@ -197,5 +203,8 @@ fn correlate<S: Simd>(
     let variance = (square - mean * mean).max(0.0);
     let other = ((chroma_off - SAME_CHROMA) * (1.0 / CHROMA_RANGE)).clamp(0.0, 1.0);
     let color = patch.color_weight * other;
-    (1.0 + color - cross * (1.0 / ((patch.variance + NOISE) * (variance + NOISE)).sqrt())).min(WORST)
+    let unlike = 1.0 + color - cross * (1.0 / ((patch.variance + NOISE) * (variance + NOISE)).sqrt());
+    let texture = (variance - NOISE).max(0.0);
+    let flat = FLAT_COST + color + UNLIKE_COST * (texture * (1.0 / (texture + FLAT_VARIANCE)));
+    unlike.min(flat + (1.0 - patch.flatness) * WORST).min(WORST)
 }

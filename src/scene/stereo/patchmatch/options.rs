@@ -26,6 +26,8 @@ pub struct PatchMatchOptions {
     pub alike_px: f32,
     /// Pixels around which grey (0–255) varies less than this are left out, 0–100.
     pub min_variance: f32,
+    /// Cost of lying off the surface around, where a patch without texture lies within one, 0–1.
+    pub prior_weight: f32,
     /// For the random hypotheses.
     pub seed: u32,
 }
@@ -44,6 +46,7 @@ impl Default for PatchMatchOptions {
             restarts: 1,
             alike_px: 0.2,
             min_variance: 0.5,
+            prior_weight: 0.6,
             seed: 0,
         }
     }

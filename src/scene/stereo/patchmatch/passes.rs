@@ -42,7 +42,13 @@ pub trait Passes {
         progress: &Progress,
     ) -> Result<(), Self::Error>;
 
-    /// The field as it is now.
+    /// A copy of a field as it is now.
+    ///
+    /// # Errors
+    /// Where it cannot be brought back.
+    fn copied(&mut self, field: &Self::Field) -> Result<Field, Self::Error>;
+
+    /// The field in the end.
     ///
     /// # Errors
     /// Where it cannot be brought back.
@@ -71,6 +77,10 @@ impl Passes for Processor {
 
     fn sweep(&mut self, level: &Level<'_>, field: &mut Field, turn: Turn, progress: &Progress) -> Result<(), Stopped> {
         sweep(level, field, turn, progress)
+    }
+
+    fn copied(&mut self, field: &Field) -> Result<Field, Stopped> {
+        Ok(field.clone())
     }
 
     fn finish(&mut self, field: Field) -> Result<Field, Stopped> {

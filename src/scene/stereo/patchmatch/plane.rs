@@ -35,6 +35,14 @@ impl Plane {
         Self { inverse_depth: self.inverse_depth + a * dx + b * dy, ..self }
     }
 
+    /// The plane of a coarse pixel at a fine one, in a picture twice the size.
+    #[inline(always)]
+    pub fn enlarged(self, (x, y): (usize, usize), (column, row): (usize, usize)) -> Self {
+        let off = |fine: usize, coarse: usize| 0.5 * (fine as f32 - 0.5) - coarse as f32;
+        let [a, b] = self.slope;
+        Self { slope: [0.5 * a, 0.5 * b], ..self.moved(off(x, column), off(y, row)) }
+    }
+
     /// The vector `m` with `m · X = 1` on the plane (camera space); it points away from the camera.
     #[inline(always)]
     pub fn vector(self, raster: &Raster, x: f32, y: f32) -> Vec3 {

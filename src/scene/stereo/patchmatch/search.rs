@@ -6,6 +6,7 @@ use super::options::PatchMatchOptions;
 use super::passes::Passes;
 use super::picture::Picture;
 use super::plane::Plane;
+use super::priors::priors;
 use super::start::{Parts, coarse_mask, level, random_field};
 use super::visit::Turn;
 use crate::engine::job::Progress;
@@ -66,12 +67,16 @@ pub fn search<P: Passes>(
     let mut coarser: Option<P::Field> = None;
     for number in (0..search.reference.levels.len()).rev() {
         let masked = search.allowed.map(|allowed| coarse_mask(allowed, search.reference, number));
-        let level = level(search, number, options, &parts, masked.as_deref());
+        let mut level = level(search, number, options, &parts, masked.as_deref());
         let iterations = if coarser.is_none() { options.coarse_iterations } else { options.fine_iterations };
         let first_reach = if coarser.is_none() { 16.0 } else { 2.0 };
         let mut field = match &coarser {
             None => passes.begin(&level, random_field(&level, search.seeds, number))?,
-            Some(coarser) => passes.finer(&level, coarser)?,
+            Some(coarser) => {
+                level.hints = priors(&level, &passes.copied(coarser)?);
+                level.pull = options.prior_weight;
+                passes.finer(&level, coarser)?
+            }
         };
         passes.score(&level, &mut field, progress)?;
         for iteration in 0..iterations {
@@ -94,17 +99,17 @@ pub fn search<P: Passes>(
 pub fn search_consistent<P: Passes>(
     passes: &mut P,
     search: &Search<'_>,
-    &Round { start, others, before }: &Round<'_>,
+    round: &Round<'_>,
     options: &PatchMatchOptions,
     progress: &Progress,
 ) -> Result<Found, P::Error> {
-    let parts = Parts::default();
+    let (parts, &Round { start, others, before }) = (Parts::default(), round);
     let mut level = level(search, 0, options, &parts, search.allowed);
     for ((source, picture), found) in level.sources.iter_mut().zip(search.sources).zip(others) {
         let back = picture.transfer(search.reference, 0);
         source.found = found.as_ref().map(|found| (Arc::clone(found), back));
     }
-    level.hints = hints(search, start, others, level.step);
+    level.hints = hints(search, round, level.step);
     let mut field = Field::new(start.width, start.height);
     for (at, &plane) in start.planes.iter().enumerate() {
         field.set(at % start.width, at / start.width, plane, super::ncc::WORST);
@@ -114,7 +119,8 @@ pub fn search_consistent<P: Passes>(
     for iteration in 0..options.geometric_iterations {
         let visit = 64 * (before + 1) + iteration;
         let reach = 0.5f32.powi((before + iteration) as i32);
-        passes.sweep(&level, &mut field, Turn { visit, iteration: iteration + 2, reach, draws: 0 }, progress)?;
+        let turn = Turn { visit, iteration: iteration + 2, reach, draws: 0 };
+        passes.sweep(&level, &mut field, turn, progress)?;
     }
     Ok(found(&passes.finish(field)?))
 }

@@ -47,6 +47,7 @@ pub fn level<'a>(
         step,
         allowed,
         hints: Vec::new(),
+        pull: 0.0,
         options,
         window: &parts.window,
         regions: &parts.regions,
@@ -105,18 +106,20 @@ pub fn random_field(level: &Level<'_>, seeds: &[(usize, usize, f32)], number: us
     field
 }
 
+/// The coarse pixel that a fine one is part of.
+pub fn coarse_pixel((x, y): (usize, usize), (width, height): (usize, usize)) -> (usize, usize) {
+    ((x / 2).min(width - 1), (y / 2).min(height - 1))
+}
+
 /// The planes of a coarser field at each of its pixels' four.
 pub fn finer_field(level: &Level<'_>, coarser: &Field) -> Field {
     let (width, height) = (level.picture.width, level.picture.height);
     let mut field = Field::new(width, height);
     for y in 0..height {
         for x in 0..width {
-            let (column, row) = ((x / 2).min(coarser.width - 1), (y / 2).min(coarser.height - 1));
+            let (column, row) = coarse_pixel((x, y), (coarser.width, coarser.height));
             let (plane, _) = coarser.at(column, row);
-            let off = |fine: usize, coarse: usize| 0.5 * (fine as f32 - 0.5) - coarse as f32;
-            let moved = plane.moved(off(x, column), off(y, row));
-            let [a, b] = plane.slope;
-            field.set(x, y, Plane { slope: [0.5 * a, 0.5 * b], ..moved }, super::ncc::WORST);
+            field.set(x, y, plane.enlarged((x, y), (column, row)), super::ncc::WORST);
         }
     }
     field

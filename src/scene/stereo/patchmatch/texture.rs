@@ -79,7 +79,9 @@ impl Texture {
     /// The colour at a place within the picture, between its four pixels.
     #[inline(always)]
     pub fn chroma_at(&self, u: f32, v: f32) -> [f32; 2] {
-        let (left, top) = ((u as usize).min(self.width - 1), (v as usize).min(self.height - 1));
+        // Signed 32 bits are what processors convert to.
+        let (left, top) = (u as i32 as usize, v as i32 as usize);
+        let (left, top) = (left.min(self.width - 1), top.min(self.height - 1));
         let (right, bottom) = ((left + 1).min(self.width - 1), (top + 1).min(self.height - 1));
         let (share_x, share_y) = (u - left as f32, v - top as f32);
         let corner = |x: usize, y: usize| self.chroma[y * self.width + x].map(f32::from);

@@ -3,7 +3,7 @@ use super::level::MAX_SOURCES;
 /// Hypotheses compared when views are chosen: a pixel's own, one of each region, and one of another view.
 pub const COMPARED: usize = 10;
 /// A cost above this says that a view does not see the surface.
-const BAD: f32 = 1.2;
+pub const BAD: f32 = 1.2;
 
 /// How much each source counts at a pixel, and the sources that count, the heaviest first.
 #[derive(Debug, Clone, Copy)]

@@ -6,7 +6,6 @@ use super::level::{Level, MAX_SOURCES};
 use super::plane::Plane;
 use super::random::Dice;
 use super::views::{COMPARED, choose_views};
-use super::window::Patch;
 
 /// Where the search stands.
 #[derive(Debug, Clone, Copy)]
@@ -49,6 +48,7 @@ pub struct Changes {
 }
 
 /// The best hypothesis for a pixel, of its own, those of the other colour around it, and changed ones.
+#[inline(always)]
 pub fn visit<S: Simd>(
     simd: S,
     level: &Level<'_>,
@@ -57,14 +57,15 @@ pub fn visit<S: Simd>(
     (x, y): (usize, usize),
     turn: Turn,
 ) -> (Plane, f32) {
-    let patch = Patch::new(level.window, &level.picture, x, y);
-    if patch.variance < level.options.min_variance {
+    let patch = level.patch(x, y);
+    if patch.is_empty(level.options.min_variance) {
         return (own, super::ncc::WORST);
     }
     let (u, v) = (x as f32, y as f32);
     let mut planes = [own; COMPARED];
     let mut times = [1; COMPARED];
-    let count = gather(level, other, (x, y), &mut planes, &mut times);
+    let hint = level.hint_for(&patch, x, y);
+    let count = gather(level, other, (x, y), hint, &mut planes, &mut times);
     let mut costs = [[super::ncc::WORST; MAX_SOURCES]; COMPARED];
     for (costs, &plane) in costs.iter_mut().zip(&planes[..count]) {
         for (cost, source) in costs.iter_mut().zip(&level.sources) {
@@ -75,7 +76,8 @@ pub fn visit<S: Simd>(
     let views = choose_views(&costs[..count], &times[..count], sources, turn.good(), level.options.best_views);
     let mut contest = Contest { level, patch, x: u, y: v, views, plane: own, cost: f32::INFINITY };
     for (costs, &plane) in costs[..count].iter().zip(&planes) {
-        let cost: f32 = views.weights.iter().zip(costs).map(|(weight, cost)| weight * cost).sum();
+        let pulled = level.pulled(&contest.patch, (plane, u, v));
+        let cost = views.weights.iter().zip(costs).fold(pulled, |sum, (weight, cost)| sum + weight * cost);
         if cost < contest.cost {
             (contest.plane, contest.cost) = (plane, cost);
         }
@@ -87,9 +89,10 @@ pub fn visit<S: Simd>(
 }
 
 /// Cost of a pixel's own hypothesis over the two sources that like it most.
+#[inline(always)]
 pub fn own_cost<S: Simd>(simd: S, level: &Level<'_>, own: Plane, (x, y): (usize, usize)) -> f32 {
-    let patch = Patch::new(level.window, &level.picture, x, y);
-    if patch.variance < level.options.min_variance {
+    let patch = level.patch(x, y);
+    if patch.is_empty(level.options.min_variance) {
         return super::ncc::WORST;
     }
     let mut least = [super::ncc::WORST; 2];
@@ -99,14 +102,17 @@ pub fn own_cost<S: Simd>(simd: S, level: &Level<'_>, own: Plane, (x, y): (usize,
             least = [least[0].min(cost), least[0].max(cost)];
         }
     }
-    if level.sources.len() > 1 { 0.5 * (least[0] + least[1]) } else { least[0] }
+    let seen = if level.sources.len() > 1 { 0.5 * (least[0] + least[1]) } else { least[0] };
+    (seen + level.pulled(&patch, (own, x as f32, y as f32))).min(super::ncc::WORST)
 }
 
 /// Puts the planes of the best pixels around, and another view's, behind the pixel's own; planes that are nearly the same are counted.
+#[inline(always)]
 fn gather(
     level: &Level<'_>,
     other: &Color,
     (x, y): (usize, usize),
+    hint: Option<Plane>,
     planes: &mut [Plane; COMPARED],
     times: &mut [u32; COMPARED],
 ) -> usize {
@@ -115,7 +121,7 @@ fn gather(
     let near = level.options.alike_px * level.step;
     let around = level.regions.best(other, size, x, y).into_iter().flatten();
     let around = around.map(|(dx, dy, at)| other.planes[at].moved(-dx as f32, -dy as f32));
-    for plane in around.chain(level.hints.get(y * size.0 + x).copied()) {
+    for plane in around.chain(hint) {
         if !level.is_possible(plane, x as f32, y as f32) {
             continue;
         }

@@ -11,11 +11,15 @@ const GREY_SIGMA: f32 = 30.0;
 /// The same of colour, apart from grey: it tells a leaf from what lies behind it where both are equally bright.
 const CHROMA_SIGMA: f32 = 17.3;
 /// Cost of a colour that is wholly another, where a patch has no texture.
-const COLOR_WEIGHT: f32 = 1.4;
+pub const COLOR_WEIGHT: f32 = 1.4;
 /// Variance of grey at which colour counts half as much: texture tells more, and does not change with the light.
-const COLOR_VARIANCE: f32 = 200.0;
+pub const COLOR_VARIANCE: f32 = 200.0;
 /// Variance of grey (0–255) that is taken for noise.
 pub const NOISE: f32 = 2.0;
+/// Variance of grey below which a patch may be flat.
+pub const FLAT_BELOW: f32 = 4.0;
+/// Variance of grey beyond noise at which a patch is a quarter flat.
+pub const FLAT_VARIANCE: f32 = 1.0;
 
 /// The window and its weights by grey difference.
 #[derive(Debug, Clone)]
@@ -45,6 +49,8 @@ pub struct Patch {
     pub chroma: [f32; 2],
     /// Cost of a colour that is wholly another.
     pub color_weight: f32,
+    /// How far texture is missing, 0–1; 0 where it is not known what surface lies around ([`Self::on`]).
+    pub flatness: f32,
 }
 
 impl Default for Window {
@@ -79,6 +85,20 @@ impl Patch {
         Self { chroma: own.map(f32::from), ..Self::weigh(&values, weights) }
     }
 
+    /// The same on a surface that is known from around where `is_known`: missing texture is then no reason for doubt.
+    #[inline(always)]
+    pub fn on(self, is_known: bool) -> Self {
+        let share = FLAT_VARIANCE * (1.0 / ((self.variance - NOISE).max(0.0) + FLAT_VARIANCE));
+        let flatness = if is_known && self.variance < FLAT_BELOW { share * share } else { 0.0 };
+        Self { flatness, ..self }
+    }
+
+    /// Whether there is nothing to be compared.
+    #[inline(always)]
+    pub fn is_empty(&self, min_variance: f32) -> bool {
+        self.variance < min_variance && self.flatness <= 0.0
+    }
+
     #[inline(always)]
     fn weigh(values: &[f32; TAPS], mut weights: [f32; PADDED]) -> Self {
         let (mut sum, mut mean) = (0.0, 0.0);
@@ -97,6 +117,6 @@ impl Patch {
             variance += weighted[tap] * off;
         }
         let color_weight = COLOR_WEIGHT * COLOR_VARIANCE * (1.0 / (variance + COLOR_VARIANCE));
-        Self { weights, weighted, variance, chroma: [0.0; 2], color_weight }
+        Self { weights, weighted, variance, chroma: [0.0; 2], color_weight, flatness: 0.0 }
     }
 }

@@ -2,6 +2,7 @@
 
 mod edges;
 mod real;
+mod sizes;
 mod twin;
 mod wall;
 

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use super::wall::{found, pictures, task};
+use super::wall::{found, partly_flat, pictures, task};
 use super::{Engine, assert_equal, card};
 use crate::engine::job::Progress;
 use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Round};
@@ -50,4 +50,24 @@ fn consistent_rounds_find_what_the_processor_finds() {
             assert_equal(&card, &cpu, &gpu, &format!("consistent round {before}, {what}"));
         }
     }
+}
+
+/// Where there is no texture, both are pulled to the same surface around.
+#[test]
+fn flat_parts_find_what_the_processor_finds() {
+    let Some(card) = card() else { return };
+    let pictures: Vec<_> =
+        (0..3).map(|index| partly_flat(index, SIZE, |x| (x.x - 0.75).abs() < 0.2 && x.y.abs() < 0.4)).collect();
+    let (progress, options) = (Progress::default(), PatchMatchOptions::default());
+    let task = task(&pictures, None);
+    let cpu = Engine::Cpu.search(&task, &options, &progress).unwrap();
+    assert_equal(&card, &cpu, &card.search(&task, &options, &progress).unwrap(), "flat");
+    let without = PatchMatchOptions { prior_weight: 0.0, ..options.clone() };
+    let alone = Engine::Cpu.search(&task, &without, &progress).unwrap();
+    assert!(cpu.planes != alone.planes, "it pulls somewhere");
+    let known: Vec<Option<Arc<Found>>> = found(&pictures)[1..].iter().map(|found| Some(Arc::clone(found))).collect();
+    let round = Round { start: &cpu, others: &known, before: 0 };
+    let again = Engine::Cpu.search_consistent(&task, &round, &options, &progress).unwrap();
+    let gpu = card.search_consistent(&task, &round, &options, &progress).unwrap();
+    assert_equal(&card, &again, &gpu, "flat, consistent");
 }

@@ -10,8 +10,8 @@ fn changed(plane: vec3f, dice: ptr<function, Dice>, depth: f32, slope: f32) -> v
 
 // The hypothesis of a pixel of the other colour at about an offset; its `w` is 0 outside the picture.
 fn far_off(dice: ptr<function, Dice>) -> vec4f {
-    var dx = i32(FAR * signed(dice));
-    let dy = i32(FAR * signed(dice));
+    var dx = i32(level.constants.far * signed(dice));
+    let dy = i32(level.constants.far * signed(dice));
     dx += select(0, 1, ((dx + dy) & 1) == 0);
     let column = i32(pixel.x) + dx;
     let row = i32(pixel.y) + dy;

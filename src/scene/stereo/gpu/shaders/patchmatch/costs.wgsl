@@ -31,7 +31,7 @@ fn make_patch() {
     let centre = picture[here] & 0xFFu;
     let own = chromas[here];
     patch_chroma = chroma_of(here);
-    var values: array<vec4f, 6>;
+    var values: array<vec4f, QUARTERS>;
     var sum = 0.0;
     var mean = 0.0;
     for (var k = 0u; k < QUARTERS; k++) {
@@ -58,7 +58,14 @@ fn make_patch() {
         weighted[k] = weights[k] * off;
         variance = sum_on(variance, weighted[k] * off);
     }
-    color_weight = COLOR_WEIGHT * COLOR_VARIANCE * (1.0 / (variance + COLOR_VARIANCE));
+    let c = level.constants;
+    color_weight = c.color_weight * c.color_variance * (1.0 / (variance + c.color_variance));
+    flatness = 0.0;
+    if level.has_guides != 0u && guides[here].w == 2.0 && variance < c.flat_below {
+        let share = c.flat_variance * (1.0 / (max(variance - c.noise, 0.0) + c.flat_variance));
+        flatness = share * share;
+        pulled_to = guides[here].x;
+    }
 }
 
 // Homogeneous position of the pixel at inverse depth `w` in a source.
@@ -113,7 +120,22 @@ fn reduced(low: vec4f, high: vec4f) -> f32 {
     return two.x + two.y;
 }
 
-// `1 - NCC`, and what chroma being off costs; `WORST` where the centre is not seen.
+// Whether there is nothing to be compared.
+fn is_empty() -> bool {
+    return variance < level.min_variance && flatness <= 0.0;
+}
+
+// Cost of how far a hypothesis lies off the pixel's hint, where its patch is flat.
+fn pulled(plane: vec3f) -> f32 {
+    let most = flatness * level.pull;
+    if most <= 0.0 {
+        return 0.0;
+    }
+    let off = abs(plane.x - pulled_to) * level.per_pull_reach;
+    return min(most * off, most);
+}
+
+// `1 - NCC`, or flatness for a flat patch, and what chroma being off costs; `worst` where the centre is not seen.
 fn photometric(source: u32, plane: vec3f) -> f32 {
     let offset = level.sources[source].offset.xyz;
     let at = seen(source, plane.x);
@@ -122,7 +144,7 @@ fn photometric(source: u32, plane: vec3f) -> f32 {
     let last = vec2f(level.sources[source].size - 1u);
     let inside = min(min(min(min(at.x, at.y), last.x * at.z - at.x), last.y * at.z - at.y), at.z - 1e-6);
     if inside < 0.0 {
-        return WORST;
+        return level.constants.worst;
     }
     var means: array<vec4f, 2>;
     var squares: array<vec4f, 2>;
@@ -149,9 +171,13 @@ fn photometric(source: u32, plane: vec3f) -> f32 {
     let there = max(square - mean * mean, 0.0);
     let scale = 1.0 / at.z;
     let off = chroma_off(source, at.x * scale, at.y * scale);
-    let other = clamp((off - SAME_CHROMA) * (1.0 / CHROMA_RANGE), 0.0, 1.0);
+    let c = level.constants;
+    let other = clamp((off - c.same_chroma) * c.per_chroma_range, 0.0, 1.0);
     let color = color_weight * other;
-    return min(1.0 + color - cross * (1.0 / sqrt((variance + NOISE) * (there + NOISE))), WORST);
+    let unlike = 1.0 + color - cross * (1.0 / sqrt((variance + c.noise) * (there + c.noise)));
+    let texture = max(there - c.noise, 0.0);
+    let flat_cost = c.flat_cost + color + c.unlike_cost * (texture * (1.0 / (texture + c.flat_variance)));
+    return min(min(unlike, flat_cost + (1.0 - flatness) * c.worst), c.worst);
 }
 
 // Pixels between the pixel and where the source's own depth, at the place where the source sees the pixel, is seen.
@@ -184,7 +210,7 @@ fn forward_backward(source: u32, plane: vec3f) -> f32 {
 
 fn cost_in(source: u32, plane: vec3f) -> f32 {
     let cost = photometric(source, plane);
-    if cost < WORST && level.sources[source].has_found != 0u {
+    if cost < level.constants.worst && level.sources[source].has_found != 0u {
         return cost + level.geometric_weight * min(forward_backward(source, plane), level.max_geometric_px);
     }
     return cost;

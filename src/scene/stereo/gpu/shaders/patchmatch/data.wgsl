@@ -10,17 +10,8 @@ const MAX_SOURCES: u32 = 8u;
 const COMPARED: u32 = 10u;
 // Vectors of four taps.
 const QUARTERS: u32 = 6u;
-const WORST: f32 = 2.0;
-const BAD: f32 = 1.2;
-const NOISE: f32 = 2.0;
-const COLOR_WEIGHT: f32 = 1.4;
-const COLOR_VARIANCE: f32 = 200.0;
-const SAME_CHROMA: f32 = 10.0;
-const CHROMA_RANGE: f32 = 40.0;
 // Stands for infinity, which WGSL does not promise.
 const NEVER: f32 = 1e30;
-// Reach of draws from other pixels.
-const FAR: f32 = 24.0;
 
 // A source view: the way there and back (columns of a matrix, offset), columns and rows, where its texels begin.
 struct Source {
@@ -33,13 +24,30 @@ struct Source {
     has_found: u32,
 }
 
+// What the processor's parts call by the same names in capitals.
+struct Constants {
+    worst: f32,
+    bad: f32,
+    noise: f32,
+    far: f32,
+    color_weight: f32,
+    color_variance: f32,
+    same_chroma: f32,
+    per_chroma_range: f32,
+    flat_below: f32,
+    flat_variance: f32,
+    flat_cost: f32,
+    unlike_cost: f32,
+}
+
 struct Level {
-    sources: array<Source, 8>,
-    dx: array<vec4f, 6>,
-    dy: array<vec4f, 6>,
-    near: array<vec4f, 6>,
+    sources: array<Source, MAX_SOURCES>,
+    dx: array<vec4f, QUARTERS>,
+    dy: array<vec4f, QUARTERS>,
+    near: array<vec4f, QUARTERS>,
     alike: array<vec4f, 64>,
     alike_chroma: array<vec4f, 64>,
+    constants: Constants,
     focal: vec2f,
     per_focal: vec2f,
     principal: vec2f,
@@ -56,6 +64,9 @@ struct Level {
     near_depth: f32,
     seed: u32,
     has_guides: u32,
+    // How much hints pull flat patches, at most, and per inverse depth.
+    pull: f32,
+    per_pull_reach: f32,
 }
 
 struct Turn {
@@ -81,7 +92,8 @@ struct Turn {
 @group(0) @binding(2) var<storage, read> picture: array<u32>;
 // The same of all sources, one after the other.
 @group(0) @binding(3) var<storage, read> texels: array<u32>;
-// For each pixel another view's hypothesis (none = inverse depth 0), and whether the pixel is worked on.
+// For each pixel a hypothesis from elsewhere (none = inverse depth 0), and whether the pixel is worked on (1), and its
+// surface known from around (2).
 @group(0) @binding(4) var<storage, read> guides: array<vec4f>;
 // What an earlier round found in the sources, where their texels lie.
 @group(0) @binding(5) var<storage, read> found_depth: array<f32>;
@@ -94,8 +106,11 @@ struct Turn {
 
 // The pixel, and its surroundings in the reference picture.
 var<private> pixel: vec2f;
-var<private> weights: array<vec4f, 6>;
-var<private> weighted: array<vec4f, 6>;
+var<private> weights: array<vec4f, QUARTERS>;
+var<private> weighted: array<vec4f, QUARTERS>;
 var<private> variance: f32;
 var<private> patch_chroma: vec2f;
 var<private> color_weight: f32;
+var<private> flatness: f32;
+// The inverse depth that a flat patch is pulled to.
+var<private> pulled_to: f32;

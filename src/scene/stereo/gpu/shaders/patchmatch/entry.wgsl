@@ -23,15 +23,15 @@ fn score(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let plane = field[place].xyz;
-    var least = vec2f(WORST);
-    for (var source = 0u; source < level.source_count && variance >= level.min_variance; source++) {
+    var least = vec2f(level.constants.worst);
+    for (var source = 0u; source < level.source_count && !is_empty(); source++) {
         let cost = cost_in(source, plane);
         if cost < least.y {
             least = vec2f(min(least.x, cost), max(least.x, cost));
         }
     }
-    let cost = select(least.x, 0.5 * (least.x + least.y), level.source_count > 1u);
-    field[place] = vec4f(plane, cost);
+    let seen = select(least.x, 0.5 * (least.x + least.y), level.source_count > 1u);
+    field[place] = vec4f(plane, min(seen + pulled(plane), level.constants.worst));
 }
 
 // The best hypothesis of a pixel's own, those of the other colour around it, and changed ones.
@@ -42,13 +42,13 @@ fn sweep(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let own = field[place].xyz;
-    if variance < level.min_variance {
-        field[place] = vec4f(own, WORST);
+    if is_empty() {
+        field[place] = vec4f(own, level.constants.worst);
         return;
     }
     var gathered: Gathered;
     gather(own, &gathered);
-    var costs: array<f32, 80>;
+    var costs: array<f32, MAX_SOURCES * COMPARED>;
     for (var k = 0u; k < gathered.count; k++) {
         for (var source = 0u; source < level.source_count; source++) {
             costs[k * MAX_SOURCES + source] = cost_in(source, gathered.planes[k]);
@@ -58,7 +58,7 @@ fn sweep(@builtin(global_invocation_id) id: vec3u) {
     choose_views(&gathered, &costs, &views);
     var best = vec4f(own, NEVER);
     for (var k = 0u; k < gathered.count && views.count > 0u; k++) {
-        var cost = 0.0;
+        var cost = pulled(gathered.planes[k]);
         for (var source = 0u; source < level.source_count; source++) {
             cost += views.weights[source] * costs[k * MAX_SOURCES + source];
         }

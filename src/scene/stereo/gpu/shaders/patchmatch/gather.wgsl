@@ -52,8 +52,8 @@ fn best_of_region(region: u32) -> vec4f {
 }
 
 struct Gathered {
-    planes: array<vec3f, 10>,
-    times: array<u32, 10>,
+    planes: array<vec3f, COMPARED>,
+    times: array<u32, COMPARED>,
     count: u32,
 }
 
@@ -65,7 +65,7 @@ fn gather(own: vec3f, gathered: ptr<function, Gathered>) {
         var hypothesis = vec4f(0.0);
         if region < 8u {
             hypothesis = best_of_region(region);
-        } else if level.has_guides != 0u {
+        } else if level.has_guides != 0u && (level.pull <= 0.0 || flatness > 0.0) {
             hypothesis = vec4f(guides[u32(pixel.y) * level.size.x + u32(pixel.x)].xyz, 1.0);
         }
         let plane = hypothesis.xyz;

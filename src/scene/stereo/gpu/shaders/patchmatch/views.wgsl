@@ -1,8 +1,8 @@
 // Which sources count.
 
 struct Views {
-    weights: array<f32, 8>,
-    order: array<u32, 8>,
+    weights: array<f32, MAX_SOURCES>,
+    order: array<u32, MAX_SOURCES>,
     count: u32,
 }
 
@@ -13,7 +13,7 @@ fn likelihood(cost: f32) -> f32 {
 }
 
 // How much a source counts, and the least cost of any hypothesis in it.
-fn judged(source: u32, gathered: ptr<function, Gathered>, costs: ptr<function, array<f32, 80>>) -> vec2f {
+fn judged(source: u32, gathered: ptr<function, Gathered>, costs: ptr<function, array<f32, MAX_SOURCES * COMPARED>>) -> vec2f {
     var goods = 0u;
     var bads = 0u;
     var total = 0u;
@@ -27,7 +27,7 @@ fn judged(source: u32, gathered: ptr<function, Gathered>, costs: ptr<function, a
             goods += times;
             sum += f32(times) * likelihood(cost);
         }
-        bads += select(0u, times, cost > BAD);
+        bads += select(0u, times, cost > level.constants.bad);
         least = min(least, cost);
     }
     if 4u * goods > total && 3u * bads < total {
@@ -36,8 +36,8 @@ fn judged(source: u32, gathered: ptr<function, Gathered>, costs: ptr<function, a
     return vec2f(0.0, least);
 }
 
-fn choose_views(gathered: ptr<function, Gathered>, costs: ptr<function, array<f32, 80>>, views: ptr<function, Views>) {
-    var least: array<f32, 8>;
+fn choose_views(gathered: ptr<function, Gathered>, costs: ptr<function, array<f32, MAX_SOURCES * COMPARED>>, views: ptr<function, Views>) {
+    var least: array<f32, MAX_SOURCES>;
     var any = false;
     for (var source = 0u; source < level.source_count; source++) {
         let judgement = judged(source, gathered, costs);
@@ -84,7 +84,7 @@ fn cost_of(plane: vec3f, views: ptr<function, Views>, limit: f32) -> f32 {
     if !is_possible(plane) {
         return NEVER;
     }
-    var sum = 0.0;
+    var sum = pulled(plane);
     for (var k = 0u; k < (*views).count; k++) {
         let source = (*views).order[k];
         sum += (*views).weights[source] * cost_in(source, plane);

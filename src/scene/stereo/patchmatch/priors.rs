@@ -1,0 +1,117 @@
+use glam::{Mat3, Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::field::Field;
+use super::level::{Hint, Level};
+use super::plane::Plane;
+use super::start::coarse_pixel;
+
+/// Planes that cost less are surfaces; what is only guessed costs more.
+const SURE: f32 = 0.45;
+/// Pixels of the coarser level to the nearest pixel that tells of a surface around: windows reach as far beyond its border.
+const NEAREST: isize = 3;
+/// Pixels of the coarser level to the farthest.
+const FARTHEST: isize = 32;
+/// Sure pixels looked at in each direction.
+const SEEN: usize = 3;
+/// Pixels lie on a plane that is off by at most so many pixels of the coarser level in another picture.
+const TOLERANCE_PX: f32 = 0.5;
+/// Lines through a pixel, and how many of them must meet one surface on both sides.
+const LINES: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
+const LEAST_LINES: usize = 2;
+
+/// For each pixel of a level the plane that a coarser one tells of the surface around it, where it lies within one: what
+/// a patch without texture is pulled to (a planar prior, as in Q. Xu and W. Tao, *Planar Prior Assisted PatchMatch
+/// Multi-View Stereo*, AAAI 2020, through the nearest sure pixels on lines instead of the corners of triangles). A surface is
+/// never continued beyond its border. Empty where there is none at all.
+pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<Hint> {
+    let tolerance = 2.0 * TOLERANCE_PX * level.step;
+    let within = |at: usize| surface_around(coarser, (at % coarser.width, at / coarser.width), tolerance);
+    let coarse: Vec<Plane> = (0..coarser.width * coarser.height).into_par_iter().map(within).collect();
+    if coarse.iter().all(|plane| plane.inverse_depth <= 0.0) {
+        return Vec::new();
+    }
+    let (width, height) = (level.picture.width, level.picture.height);
+    let hint = |at: usize| {
+        let pixel = (at % width, at / width);
+        let (column, row) = coarse_pixel(pixel, (coarser.width, coarser.height));
+        let plane = coarse[row * coarser.width + column];
+        let is_known = plane.inverse_depth > 0.0;
+        if is_known { Hint { plane: plane.enlarged(pixel, (column, row)), is_known } } else { Hint::default() }
+    };
+    (0..width * height).map(hint).collect()
+}
+
+/// The plane of the surface that a pixel lies within; none (inverse depth 0) where it lies within none.
+fn surface_around(field: &Field, pixel: (usize, usize), tolerance: f32) -> Plane {
+    let mut lines: Vec<Line> = LINES.iter().filter_map(|&along| Line::new(field, pixel, along)).collect();
+    while lines.len() >= LEAST_LINES {
+        let Some(plane) = fitted(&lines) else { break };
+        let off: Vec<f32> = lines.iter().map(|line| line.off(plane)).collect();
+        let worst = (0..lines.len()).fold(0, |worst, at| if off[at] > off[worst] { at } else { worst });
+        if off[worst] <= tolerance {
+            let (own, cost) = field.at(pixel.0, pixel.1);
+            let is_own = cost < SURE && (own.inverse_depth - plane.inverse_depth).abs() <= tolerance;
+            return if is_own { own } else { plane };
+        }
+        lines.remove(worst);
+    }
+    Plane::default()
+}
+
+/// Sure pixels on a line through a pixel, some to either side.
+struct Line {
+    seen: [Seen; 2 * SEEN],
+}
+
+/// A sure pixel: its place from the one in the middle, and its inverse depth.
+#[derive(Clone, Copy)]
+struct Seen {
+    at: Vec2,
+    inverse_depth: f32,
+}
+
+impl Line {
+    fn new(field: &Field, pixel: (usize, usize), (dx, dy): (isize, isize)) -> Option<Self> {
+        let (to, fro) = (sure(field, pixel, (dx, dy))?, sure(field, pixel, (-dx, -dy))?);
+        Some(Self { seen: std::array::from_fn(|k| if k < SEEN { to[k] } else { fro[k - SEEN] }) })
+    }
+
+    /// How far the pixels lie off a plane at most.
+    fn off(&self, plane: Plane) -> f32 {
+        let off = |seen: &Seen| (plane.moved(seen.at.x, seen.at.y).inverse_depth - seen.inverse_depth).abs();
+        self.seen.iter().map(off).fold(0.0, f32::max)
+    }
+}
+
+/// The nearest sure pixels in a direction.
+fn sure(field: &Field, (x, y): (usize, usize), (dx, dy): (isize, isize)) -> Option<[Seen; SEEN]> {
+    let mut seen = [Seen { at: Vec2::ZERO, inverse_depth: 0.0 }; SEEN];
+    let mut count = 0;
+    for steps in NEAREST..=FARTHEST {
+        let column = x.checked_add_signed(dx * steps).filter(|&column| column < field.width)?;
+        let row = y.checked_add_signed(dy * steps).filter(|&row| row < field.height)?;
+        let (plane, cost) = field.at(column, row);
+        if cost < SURE {
+            let at = Vec2::new((dx * steps) as f32, (dy * steps) as f32);
+            seen[count] = Seen { at, inverse_depth: plane.inverse_depth };
+            count += 1;
+        }
+        if count == SEEN {
+            return Some(seen);
+        }
+    }
+    None
+}
+
+/// The plane nearest to the pixels of some lines; those of a short line count more.
+fn fitted(lines: &[Line]) -> Option<Plane> {
+    let (mut matrix, mut right) = (Mat3::ZERO, Vec3::ZERO);
+    for seen in lines.iter().flat_map(|line| &line.seen) {
+        let (row, weight) = (seen.at.extend(1.0), 1.0 / seen.at.length());
+        matrix += Mat3::from_cols(row * row.x, row * row.y, row) * weight;
+        right += row * seen.inverse_depth * weight;
+    }
+    let solved = matrix.inverse() * right;
+    solved.is_finite().then_some(Plane { inverse_depth: solved.z, slope: [solved.x, solved.y] })
+}
