@@ -28,6 +28,9 @@ pub enum MaskError {
     /// A prompt or request that cannot be answered.
     #[error("{0}")]
     Request(String),
+    /// A network or what runs it is missing, or failed.
+    #[error("{0}")]
+    Network(String),
     /// A frame could not be read.
     #[error(transparent)]
     Frame(#[from] FrameError),

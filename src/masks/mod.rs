@@ -17,6 +17,7 @@ mod label_tree;
 mod landmarks;
 mod mask;
 mod maxflow;
+pub mod onnx;
 mod outline;
 mod prompt;
 mod region;

@@ -29,6 +29,17 @@ pub struct PxBox {
     pub max_px: DVec2,
 }
 
+impl PxBox {
+    /// Intersection over union of the areas of two boxes; 0 where one is empty.
+    #[must_use]
+    pub fn iou(&self, other: &Self) -> f64 {
+        let area = |min: DVec2, max: DVec2| (max - min).max(DVec2::ZERO).element_product();
+        let both = area(self.min_px.max(other.min_px), self.max_px.min(other.max_px));
+        let either = area(self.min_px, self.max_px) + area(other.min_px, other.max_px) - both;
+        if either > 0.0 { both / either } else { 0.0 }
+    }
+}
+
 /// All that the user gave for one label on one frame.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Prompt {

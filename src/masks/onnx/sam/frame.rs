@@ -1,0 +1,229 @@
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::decoder::{Answer, Decoder, PointKind, Question};
+use super::embedding::Embedding;
+use super::enlarge::enlarged;
+use super::network::told;
+use super::objects::Objects;
+use super::part::Part;
+use crate::engine::nn::Tensor;
+use crate::masks::{Click, MaskError, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
+
+/// A picture, or a part of one, that answers prompts by runs of the decoder alone.
+#[derive(Debug)]
+pub struct SamFrame {
+    decoder: Arc<Decoder>,
+    embedding: Tensor,
+    width: u32,
+    height: u32,
+    part: Part,
+    /// The latest answers: a click more asks one question more, moving the pointer asks the last one anew.
+    known: Mutex<VecDeque<(Asked, Arc<Answer>)>>,
+}
+
+/// What was asked, refining which answer. That answer is kept as long as this is, so that its address is its own.
+#[derive(Debug)]
+struct Asked {
+    question: Question,
+    before: Option<Arc<Answer>>,
+}
+
+/// Answers kept.
+const KNOWN: usize = 48;
+
+impl SamFrame {
+    pub(super) fn new(decoder: Arc<Decoder>, embedding: &Embedding) -> Result<Self, MaskError> {
+        let Embedding { width, height, part, channels, cells, .. } = *embedding;
+        if decoder.embedding() != (channels, cells) {
+            let what = format!("an embedding of {channels}×{cells}×{cells} is not of this network; make it anew");
+            return Err(MaskError::Network(what));
+        }
+        let tensor = Tensor::floats(&[1, channels, cells, cells], embedding.values.clone()).map_err(told)?;
+        Ok(Self { decoder, embedding: tensor, width, height, part, known: Mutex::default() })
+    }
+
+    /// Columns and rows of the picture.
+    pub(super) fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// The part of the picture that the network saw.
+    #[must_use]
+    pub fn part(&self) -> Part {
+        self.part
+    }
+
+    pub(super) fn side(&self) -> usize {
+        self.decoder.side()
+    }
+
+    /// Logits along each side of an answer.
+    pub(super) fn fine(&self) -> usize {
+        self.decoder.fine()
+    }
+
+    /// The answer for one object. A single click is ambiguous: of its three masks the one with the highest predicted
+    /// IoU is taken, of more prompts the one mask made for them.
+    pub(super) fn ask(
+        &self,
+        clicks: &[Click],
+        within: Option<&PxBox>,
+        before: Option<&Arc<Answer>>,
+    ) -> Result<Arc<Answer>, MaskError> {
+        let question = self.question(clicks, within);
+        let is_same = |asked: &Asked| {
+            let same_before = match (&asked.before, before) {
+                (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+                (a, b) => a.is_none() && b.is_none(),
+            };
+            same_before && asked.question == question
+        };
+        let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, answer)) = known.iter().find(|(asked, _)| is_same(asked)) {
+            return Ok(Arc::clone(answer));
+        }
+        drop(known);
+        let is_ambiguous = clicks.len() == 1 && within.is_none() && before.is_none();
+        let logits = before.map(|answer| answer.logits.as_slice());
+        let answers = self.decoder.run(&self.embedding, &question, logits)?;
+        let answer = Arc::new(chosen(answers, is_ambiguous)?);
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        known.push_back((Asked { question, before: before.cloned() }, Arc::clone(&answer)));
+        if known.len() > KNOWN {
+            known.pop_front();
+        }
+        Ok(answer)
+    }
+
+    /// All masks that a click may mean, with the network's scores; nothing of it is kept.
+    pub(super) fn masks_at(&self, click: Click) -> Result<Vec<Answer>, MaskError> {
+        let mut answers = self.decoder.run(&self.embedding, &self.question(&[click], None), None)?;
+        if answers.len() > 1 {
+            answers.remove(0);
+        }
+        Ok(answers)
+    }
+
+    fn question(&self, clicks: &[Click], within: Option<&PxBox>) -> Question {
+        let (part, side) = (self.part, self.side());
+        let mut question = Question::default();
+        for click in clicks {
+            let kind = if click.include { PointKind::Include } else { PointKind::Exclude };
+            question.tell(part.told_click(click.at_px, side), kind);
+        }
+        if let Some(within) = within {
+            let [first, last] = part.told_box(within, side);
+            question.tell(first, PointKind::FirstCorner);
+            question.tell(last, PointKind::LastCorner);
+        } else {
+            question.tell([0.0; 2], PointKind::Padding);
+        }
+        question
+    }
+
+    /// Logit of an answer under a click.
+    pub(super) fn logit_at(&self, answer: &Answer, click: &Click) -> f32 {
+        let (fine, side) = (self.fine(), self.side());
+        let cell = |at: f32| (((at + 0.5) * fine as f32 / side as f32) as usize).min(fine - 1);
+        let [x, y] = self.part.told_click(click.at_px, side).map(cell);
+        answer.logits[y * fine + x]
+    }
+
+    /// Logits of an answer at the size of the part, row by row.
+    pub(super) fn enlarged(&self, answer: &Answer) -> Vec<f32> {
+        enlarged(&answer.logits, self.fine(), self.part, self.side())
+    }
+
+    /// The pixels inside an answer.
+    pub(super) fn region(&self, answer: &Answer) -> Region {
+        let mut region = Region::empty(self.width, self.height);
+        let columns = self.part.width as usize;
+        let rows = region.inside.chunks_exact_mut(self.width as usize).skip(self.part.y as usize);
+        for (row, logits) in rows.zip(self.enlarged(answer).chunks_exact(columns)) {
+            let row = &mut row[self.part.x as usize..][..columns];
+            row.iter_mut().zip(logits).for_each(|(inside, &logit)| *inside = logit > 0.0);
+        }
+        region
+    }
+
+    fn check(&self, request: &SegmentRequest<'_>) -> Result<(), MaskError> {
+        let Part { x, y, width, height } = self.part;
+        let shown = format!("the {width}×{height} pixels from {x}, {y} that are looked at");
+        let prompt = request.prompt;
+        if prompt.is_empty() {
+            return Err(MaskError::Request("there is no click and no box; click on the object first".into()));
+        }
+        if let Some(click) = prompt.clicks.iter().find(|click| !self.part.holds(click.at_px)) {
+            let at = click.at_px;
+            return Err(MaskError::Request(format!("the click at {}, {} lies outside {shown}", at.x, at.y)));
+        }
+        let (first, last) = (glam::DVec2::new(x.into(), y.into()), glam::DVec2::new(width.into(), height.into()));
+        let crosses = |part: &PxBox| {
+            let common = part.max_px.min(first + last) - part.min_px.max(first);
+            common.min_element() > 0.0
+        };
+        if let Some(part) = prompt.boxes.iter().find(|part| !crosses(part)) {
+            let (a, b) = (part.min_px, part.max_px);
+            let text = format!("the box from {}, {} to {}, {} holds no pixel of {shown}", a.x, a.y, b.x, b.y);
+            return Err(MaskError::Request(text));
+        }
+        let fits = |region: &Region| (region.width, region.height) == (self.width, self.height);
+        if [request.previous, request.taken].into_iter().flatten().all(fits) {
+            return Ok(());
+        }
+        let (width, height) = self.size();
+        Err(MaskError::Request(format!("a mask given does not have the picture's size of {width}×{height}")))
+    }
+
+    /// The object's pixels before other labels are looked at.
+    fn found(&self, prompt: &Prompt, previous: Option<&Region>, taken: Option<&Region>) -> Result<Region, MaskError> {
+        let (Some(previous), Some((last, earlier))) = (previous, prompt.clicks.split_last()) else {
+            return Ok(Objects::of(self, &prompt.boxes, &prompt.clicks)?.region());
+        };
+        let mut objects = Objects::of(self, &prompt.boxes, earlier)?;
+        if !objects.agree_with(previous, taken) {
+            objects = Objects::of_region(self, previous, earlier);
+        }
+        objects.add(last)?;
+        Ok(objects.region())
+    }
+}
+
+impl PreparedFrame for SamFrame {
+    fn segment(&self, request: &SegmentRequest<'_>) -> Result<Region, MaskError> {
+        self.check(request)?;
+        let SegmentRequest { prompt, previous, taken } = *request;
+        let mut region = self.found(prompt, previous, taken)?;
+        prompt.clicks.iter().for_each(|click| hold(&mut region, click));
+        if let Some(taken) = taken {
+            region.subtract(taken);
+        }
+        Ok(region)
+    }
+
+    fn bytes(&self) -> usize {
+        let answers = KNOWN * self.fine() * self.fine();
+        (self.embedding.as_floats().len() + answers) * size_of::<f32>()
+    }
+}
+
+/// Of several masks the first is for clear questions, the others for ambiguous ones; a network that gives one chose.
+fn chosen(mut answers: Vec<Answer>, is_ambiguous: bool) -> Result<Answer, MaskError> {
+    if answers.len() > 1 && is_ambiguous {
+        answers.remove(0);
+        // Stable: of equal scores the first is taken.
+        answers.sort_by(|a, b| b.score.total_cmp(&a.score));
+    }
+    answers.into_iter().next().ok_or_else(|| MaskError::Network("the network gives no mask".into()))
+}
+
+/// What was clicked is as the click says, whatever the network thinks: the pixel and those that touch it.
+fn hold(region: &mut Region, click: &Click) {
+    let (x, y) = (click.at_px.x as u32, click.at_px.y as u32);
+    for y in y.saturating_sub(1)..=(y + 1).min(region.height - 1) {
+        for x in x.saturating_sub(1)..=(x + 1).min(region.width - 1) {
+            region.inside[y as usize * region.width as usize + x as usize] = click.include;
+        }
+    }
+}

@@ -1,0 +1,23 @@
+//! Segment Anything: a picture is embedded once, prompts are answered from the embedding.
+//!
+//! Kirillov et al.: "Segment Anything", ICCV 2023.
+//!
+//! May use: engine::nn, engine::job, frames, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
+
+mod decoder;
+mod embedding;
+mod enlarge;
+mod everything;
+mod frame;
+mod hint;
+mod network;
+mod objects;
+mod part;
+#[cfg(test)]
+mod tests;
+
+pub use embedding::Embedding;
+pub use everything::{EverythingOptions, Proposal};
+pub use frame::SamFrame;
+pub use network::Sam;
+pub use part::Part;

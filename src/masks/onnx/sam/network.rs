@@ -1,0 +1,146 @@
+use std::path::Path;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::decoder::Decoder;
+use super::embedding::Embedding;
+use super::frame::SamFrame;
+use super::part::Part;
+use crate::engine::job::Progress;
+use crate::engine::nn::{Network, NnError, Signature, Tensor, load};
+use crate::frames::{DepthMap, Image};
+use crate::masks::onnx::resize::resized;
+use crate::masks::{MaskError, PreparedFrame, Segmenter};
+
+/// Segment Anything in two networks: one embeds a picture (seconds), one answers prompts (a tenth of a second).
+#[derive(Debug)]
+pub struct Sam {
+    encoder: Network,
+    decoder: Arc<Decoder>,
+}
+
+/// Mean and deviation of red, green and blue that the encoder was trained with.
+const MEAN: [f32; 3] = [123.675, 116.28, 103.53];
+const DEVIATION: [f32; 3] = [58.395, 57.12, 57.375];
+
+impl Sam {
+    /// The networks `sam-vit-b`, or another of the catalogue with the same inputs, of a folder of networks.
+    ///
+    /// # Errors
+    /// When it is not installed there, does not load, or ONNX Runtime is missing.
+    pub fn load(folder: &Path, name: &str) -> Result<Self, NnError> {
+        let pair = <[Network; 2]>::try_from(load(folder, name)?);
+        let [encoder, decoder] = pair.map_err(|_| NnError::Request(format!("`{name}` has no encoder and decoder")))?;
+        Self::new(encoder, decoder)
+    }
+
+    /// Of an encoder `image` [1, 3, side, side] → `image_embeddings` [1, channels, cells, cells] and a decoder with the
+    /// inputs and outputs of the official export.
+    ///
+    /// # Errors
+    /// [`NnError::Mismatch`] where the two do not belong together.
+    pub fn new(encoder: Network, decoder: Network) -> Result<Self, NnError> {
+        let side = square(encoder.signature(), "image", 3);
+        let mismatch = |network: &Network, what: &str| {
+            Err(NnError::Mismatch { path: network.path().to_owned(), what: what.to_owned() })
+        };
+        let Some(side) = side else {
+            return mismatch(&encoder, "expected the only input `image` f32 [1, 3, side, side]");
+        };
+        let Some(decoder) = Decoder::new(decoder, side)? else {
+            return mismatch(&encoder, "does not give what the decoder takes");
+        };
+        Ok(Self { encoder, decoder: Arc::new(decoder) })
+    }
+
+    /// Pixels along each side of the square that the encoder sees; larger pictures are shrunk to it.
+    #[must_use]
+    pub fn side(&self) -> usize {
+        self.decoder.side()
+    }
+
+    /// Embeds a part of a picture; a small one shows the network more of thin things than the whole picture does.
+    ///
+    /// # Errors
+    /// [`MaskError::Request`] for a part that is not in the picture, [`MaskError::Stopped`], or what the network says.
+    pub fn embed(&self, image: &Image, part: Part, progress: &Progress) -> Result<Embedding, MaskError> {
+        let Image { width, height, .. } = *image;
+        if !part.is_within(width, height) || image.pixels.len() != width as usize * height as usize {
+            let Part { x, y, width: columns, height: rows } = part;
+            let part = format!("{columns}×{rows} pixels from {x}, {y}");
+            return Err(MaskError::Request(format!("{part} are not in the picture of {width}×{height}; ask for less")));
+        }
+        progress.step(0, 2)?;
+        let side = self.side();
+        let input = Tensor::floats(&[1, 3, side, side], fed(image, part, side)).map_err(told)?;
+        progress.step(1, 2)?;
+        let given = self.encoder.run(&[("image", &input)]).map_err(told)?;
+        let (channels, cells) = self.decoder.embedding();
+        let Some(embedding) = given.first().filter(|given| given.shape() == [1, channels, cells, cells]) else {
+            let path = self.encoder.path().display();
+            return Err(MaskError::Network(format!("{path}: gives no embedding of {channels}×{cells}×{cells}")));
+        };
+        progress.step(2, 2)?;
+        Ok(Embedding { width, height, part, channels, cells, values: embedding.as_floats().to_vec() })
+    }
+
+    /// A frame that answers prompts, from an embedding that these networks made.
+    ///
+    /// # Errors
+    /// [`MaskError::Network`] where it is of another network.
+    pub fn frame(&self, embedding: &Embedding) -> Result<SamFrame, MaskError> {
+        SamFrame::new(Arc::clone(&self.decoder), embedding)
+    }
+}
+
+impl Segmenter for Sam {
+    fn name(&self) -> &'static str {
+        "sam"
+    }
+
+    fn prepare(
+        &self,
+        image: &Arc<Image>,
+        _depth: Option<&Arc<DepthMap>>,
+        progress: &Progress,
+    ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
+        let embedding = self.embed(image, Part::whole(image.width, image.height), progress)?;
+        Ok(Arc::new(self.frame(&embedding)?))
+    }
+}
+
+/// What a network says, as masks tell it.
+#[expect(clippy::needless_pass_by_value, reason = "`map_err` hands it over")]
+pub(super) fn told(error: NnError) -> MaskError {
+    MaskError::Network(error.to_string())
+}
+
+/// Side of the only input where it is a square of that many channels.
+fn square(signature: &Signature, name: &str, channels: usize) -> Option<usize> {
+    let [port] = signature.inputs.as_slice() else { return None };
+    match port.shape.as_slice() {
+        [_, Some(planes), Some(rows), Some(columns)] if port.name == name => {
+            (*planes == channels && rows == columns).then_some(*rows)
+        }
+        _ => None,
+    }
+}
+
+/// The part as the encoder takes it: its longer side `side` pixels, normalised, then zeros to the right and below.
+pub(super) fn fed(image: &Image, part: Part, side: usize) -> Vec<f32> {
+    let (width, columns) = (image.width as usize, part.width as usize);
+    let rows = image.pixels.chunks_exact(width).skip(part.y as usize).take(part.height as usize);
+    let pixels: Vec<[u8; 3]> = rows.flat_map(|row| &row[part.x as usize..][..columns]).copied().collect();
+    let shown = part.shown(side);
+    let small = resized(&pixels, (columns, part.height as usize), shown);
+    let mut planes = vec![0.0; 3 * side * side];
+    planes.par_chunks_mut(side).enumerate().for_each(|(line, out)| {
+        let (channel, row) = (line / side, line % side);
+        if row < shown.1 {
+            let values = small[row * shown.0..][..shown.0].iter().map(|pixel| f32::from(pixel[channel]));
+            out.iter_mut().zip(values).for_each(|(out, value)| *out = (value - MEAN[channel]) / DEVIATION[channel]);
+        }
+    });
+    planes
+}

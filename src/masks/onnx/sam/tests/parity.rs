@@ -1,0 +1,166 @@
+//! The networks and what is done around them, beside the reference's answers on the same weights.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::DVec2;
+use serde::Deserialize;
+
+use super::super::decoder::Answer;
+use super::super::{Part, Sam, SamFrame};
+use super::{networks, tiny};
+use crate::engine::job::Progress;
+use crate::frames::Image;
+use crate::masks::{Click, PxBox};
+
+/// Largest difference, in standard deviations of the reference's tensor.
+const TOLERANCE: f64 = 1e-3;
+
+#[derive(Deserialize)]
+struct Reference {
+    encoder: String,
+    decoder: String,
+    frames: Vec<FrameReference>,
+}
+
+#[derive(Deserialize)]
+struct FrameReference {
+    picture: String,
+    embedding: Place,
+    cases: Vec<Case>,
+}
+
+/// Positions count pixels from the middle of the first.
+#[derive(Deserialize)]
+struct Case {
+    clicks: Vec<(f64, f64, u8)>,
+    boxes: Vec<[f64; 4]>,
+    /// Which case's answer is refined.
+    after: Option<usize>,
+    iou: f64,
+    covers: f64,
+    low: Place,
+    logits: Option<Place>,
+}
+
+/// Where a tensor lies in `reference.bin`.
+#[derive(Deserialize)]
+struct Place {
+    start: usize,
+    shape: Vec<usize>,
+}
+
+/// A folder that `tests/parity/sam.py` wrote.
+struct Folder {
+    path: PathBuf,
+    reference: Reference,
+    values: Vec<f32>,
+}
+
+impl Folder {
+    fn open(path: &Path) -> Self {
+        let reference = serde_json::from_slice(&std::fs::read(path.join("reference.json")).unwrap()).unwrap();
+        let bytes = std::fs::read(path.join("reference.bin")).unwrap();
+        let values = bytes.chunks_exact(4).map(|word| f32::from_le_bytes(word.try_into().unwrap())).collect();
+        Self { path: path.to_owned(), reference, values }
+    }
+
+    fn networks(&self) -> Option<Sam> {
+        networks(&self.path, &self.reference.encoder, &self.reference.decoder)
+    }
+
+    fn picture(&self, name: &str) -> Image {
+        let picture = image::open(self.path.join(name)).unwrap().to_rgb8();
+        let pixels = picture.pixels().map(|pixel| pixel.0).collect();
+        Image { width: picture.width(), height: picture.height(), pixels }
+    }
+
+    fn tensor(&self, place: &Place) -> &[f32] {
+        &self.values[place.start..][..place.shape.iter().product()]
+    }
+}
+
+/// Largest difference of two tensors in standard deviations of the first.
+fn difference(expected: &[f32], found: &[f32]) -> f64 {
+    assert_eq!(expected.len(), found.len());
+    let count = expected.len() as f64;
+    let mean = expected.iter().map(|&value| f64::from(value)).sum::<f64>() / count;
+    let variance = expected.iter().map(|&value| (f64::from(value) - mean).powi(2)).sum::<f64>() / count;
+    let largest = expected.iter().zip(found).map(|(&a, &b)| f64::from(a - b).abs()).fold(0.0, f64::max);
+    largest / variance.sqrt()
+}
+
+/// Asks a frame what the reference was asked, clicks `shift_px` beside.
+fn answers(frame: &SamFrame, cases: &[Case], shift_px: f64) -> Vec<Arc<Answer>> {
+    let mut given: Vec<Arc<Answer>> = Vec::new();
+    for case in cases {
+        let click = |&(x, y, include): &(f64, f64, u8)| Click {
+            at_px: DVec2::new(x + 0.5 + shift_px, y + 0.5),
+            include: include == 1,
+        };
+        let clicks: Vec<Click> = case.clicks.iter().map(click).collect();
+        let part = |&[x0, y0, x1, y1]: &[f64; 4]| PxBox {
+            min_px: DVec2::new(x0 + shift_px, y0),
+            max_px: DVec2::new(x1 + 1.0 + shift_px, y1 + 1.0),
+        };
+        let within = case.boxes.first().map(part);
+        let before = case.after.map(|at| Arc::clone(&given[at]));
+        given.push(frame.ask(&clicks, within.as_ref(), before.as_ref()).unwrap());
+    }
+    given
+}
+
+/// Largest difference of the embedding, and of anything that a frame's cases give.
+fn compare(folder: &Folder, of: &FrameReference, sam: &Sam, image: &Image, shift_px: f64) -> (f64, f64) {
+    let embedding = sam.embed(image, Part::whole(image.width, image.height), &Progress::default()).unwrap();
+    let frame = sam.frame(&embedding).unwrap();
+    let embedded = difference(folder.tensor(&of.embedding), &embedding.values);
+    let mut answered = 0.0f64;
+    for (case, answer) in of.cases.iter().zip(answers(&frame, &of.cases, shift_px)) {
+        answered = answered.max(difference(folder.tensor(&case.low), &answer.logits));
+        answered = answered.max((case.iou - f64::from(answer.score)).abs() / case.iou.abs());
+        if let Some(place) = &case.logits {
+            answered = answered.max(difference(folder.tensor(place), &frame.enlarged(&answer)));
+        }
+    }
+    (embedded, answered)
+}
+
+/// The folder committed here, or the one that `OSTRA_PARITY_SAM` names.
+fn folder() -> Folder {
+    Folder::open(&std::env::var_os("OSTRA_PARITY_SAM").map_or_else(tiny, PathBuf::from))
+}
+
+#[test]
+fn every_tensor_is_that_of_the_reference() {
+    let folder = folder();
+    let Some(sam) = folder.networks() else { return };
+    for of in &folder.reference.frames {
+        let (embedded, answered) = compare(&folder, of, &sam, &folder.picture(&of.picture), 0.0);
+        let covers: Vec<f64> = of.cases.iter().map(|case| case.covers).collect();
+        println!("{}: embedding {embedded:.1e}, answers {answered:.1e}; masks cover {covers:.2?}", of.picture);
+        assert!(embedded < TOLERANCE && answered < TOLERANCE, "{}: {embedded} {answered}", of.picture);
+        assert!(covers.iter().all(|share| (0.02..=0.6).contains(share)), "an empty or full mask proves nothing");
+    }
+}
+
+#[test]
+fn blue_for_red_and_half_a_pixel_are_noticed() {
+    let folder = Folder::open(&tiny());
+    let Some(sam) = folder.networks() else { return };
+    let of = &folder.reference.frames[0];
+    let right = folder.picture(&of.picture);
+    let swapped = Image { pixels: right.pixels.iter().map(|&[r, g, b]| [b, g, r]).collect(), ..right.clone() };
+    let (embedded, _) = compare(&folder, of, &sam, &swapped, 0.0);
+    assert!(embedded > 10.0 * TOLERANCE, "blue for red: {embedded}");
+    let mut shifted = right.clone();
+    for (row, from) in shifted.pixels.chunks_exact_mut(300).zip(right.pixels.chunks_exact(300)) {
+        for x in 0..299 {
+            row[x] = std::array::from_fn(|channel| from[x][channel].midpoint(from[x + 1][channel]));
+        }
+    }
+    let (embedded, _) = compare(&folder, of, &sam, &shifted, 0.0);
+    assert!(embedded > 10.0 * TOLERANCE, "the picture half a pixel to the left: {embedded}");
+    let (_, answered) = compare(&folder, of, &sam, &right, 0.5);
+    assert!(answered > 10.0 * TOLERANCE, "clicks half a pixel to the right: {answered}");
+}

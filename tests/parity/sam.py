@@ -1,0 +1,266 @@
+#!/usr/bin/env python3
+"""Segment Anything as it runs here beside its implementation in `transformers`, on the same random weights.
+
+    pip install torch transformers onnx onnxscript pillow
+    python3 tests/parity/sam.py OUT [--size tiny|vit-b] [--frames FOLDER] [--seed S] [--fault bgr|shift] [--no-test]
+
+Builds the reference with seeded weights, names them as the official checkpoint does, exports that checkpoint with
+`assets/export/sam.py`, asks the reference about pictures and prompts, and writes all to OUT; then the crate's own test
+runs the exported networks on the same pictures and compares every tensor. Without FOLDER two made pictures are taken.
+A fault put into the reference must make the test fail. `tests/parity/sam-tiny` is OUT of `--size tiny`.
+"""
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+from transformers import SamConfig, SamModel
+from transformers.models.sam.image_processing_pil_sam import SamImageProcessorPil
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "assets" / "export"))
+import sam as exporter  # noqa: E402
+
+# The share of a picture that a mask may cover for the comparison to mean something.
+COVERED = (0.02, 0.60)
+# Draws of the decoder's weights after which none is looked for any more.
+DRAWS = 400
+
+
+def reference(size):
+    """The same network in `transformers`."""
+    common = {"image_size": size.side, "patch_size": exporter.PATCH}
+    vision = common | {
+        "hidden_size": size.width,
+        "output_channels": size.channels,
+        "num_hidden_layers": size.depth,
+        "num_attention_heads": size.heads,
+        "mlp_dim": 4 * size.width,
+        "window_size": size.window,
+        "global_attn_indexes": list(size.whole),
+        "num_pos_feats": size.channels // 2,
+    }
+    prompts = common | {"hidden_size": size.channels}
+    decoder = {"hidden_size": size.channels, "mlp_dim": size.mlp, "iou_head_hidden_dim": size.score}
+    config = SamConfig(vision_config=vision, prompt_encoder_config=prompts, mask_decoder_config=decoder)
+    return SamModel(config).eval()
+
+
+# From names in `transformers` to those of the official checkpoint.
+RENAMED = [
+    (r"^vision_encoder\.layers\.", "image_encoder.blocks."),
+    (r"^vision_encoder\.", "image_encoder."),
+    (r"patch_embed\.projection", "patch_embed.proj"),
+    (r"neck\.conv1", "neck.0"),
+    (r"neck\.layer_norm1", "neck.1"),
+    (r"neck\.conv2", "neck.2"),
+    (r"neck\.layer_norm2", "neck.3"),
+    (r"^shared_image_embedding\.positional_embedding", "prompt_encoder.pe_layer.positional_encoding_gaussian_matrix"),
+    (r"mask_embed\.conv1", "mask_downscaling.0"),
+    (r"mask_embed\.layer_norm1", "mask_downscaling.1"),
+    (r"mask_embed\.conv2", "mask_downscaling.3"),
+    (r"mask_embed\.layer_norm2", "mask_downscaling.4"),
+    (r"mask_embed\.conv3", "mask_downscaling.6"),
+    (r"\.point_embed\.", ".point_embeddings."),
+    (r"layer_norm_final_attn", "norm_final_attn"),
+    (r"upscale_conv1", "output_upscaling.0"),
+    (r"upscale_layer_norm", "output_upscaling.1"),
+    (r"upscale_conv2", "output_upscaling.3"),
+    (r"(mlps\.\d+|head)\.layers\.0", r"\1.layers.1"),
+    (r"\.proj_in\b", ".layers.0"),
+    (r"\.proj_out\b", ".layers.2"),
+    (r"layer_norm(\d)", r"norm\1"),
+]
+
+
+def official(state):
+    """The reference's weights under the names of the official checkpoint."""
+    named = {}
+    for name, value in state.items():
+        if name.startswith("prompt_encoder.shared_embedding"):
+            continue  # the same tensor as shared_image_embedding
+        for pattern, replacement in RENAMED:
+            name = re.sub(pattern, replacement, name)
+        named[name] = value
+    return named
+
+
+def made_pictures():
+    """Two pictures of shapes before a gradient: one is shrunk for the tiny network, one enlarged."""
+    for width, height in ((300, 200), (90, 160)):
+        y, x = np.mgrid[:height, :width] / height
+        picture = np.stack([200 * y, 60 + 90 * x, 220 - 120 * y * x], -1)
+        picture[(x - 0.3) ** 2 + (y - 0.4) ** 2 < 0.05] = (230, 200, 40)
+        picture[(abs(x - 0.35) < 0.2) & (abs(y - 0.75) < 0.1)] = (30, 60, 90)
+        picture[abs(x - 0.9 * y) < 0.01] = (250, 250, 250)
+        yield Image.fromarray(picture.astype(np.uint8))
+
+
+def pictures(folder):
+    if folder is None:
+        yield from made_pictures()
+        return
+    files = sorted(folder.iterdir())
+    for at in (0, len(files) // 2):
+        yield Image.open(files[at]).convert("RGB")
+
+
+def prompts(width, height):
+    """Prompts in the pixels of a picture, counted from the middle of the first; `after` is refined by more clicks."""
+    at = lambda x, y, include: [int(x * width), int(y * height), include]  # noqa: E731
+    box = [int(0.2 * width), int(0.3 * height), int(0.7 * width), int(0.8 * height)]
+    first = [at(0.31, 0.42, 1)]
+    return [
+        {"clicks": first, "boxes": [], "after": None},
+        {"clicks": [*first, at(0.6, 0.7, 1), at(0.8, 0.2, 0)], "boxes": [], "after": None},
+        {"clicks": [], "boxes": [box], "after": None},
+        {"clicks": [at(0.4, 0.5, 0)], "boxes": [box], "after": None},
+        {"clicks": [*first, at(0.7, 0.6, 0)], "boxes": [], "after": 0},
+    ]
+
+
+class Asked:
+    """One picture's embedding, and answers to prompts on it."""
+
+    def __init__(self, model, processor, picture, fault):
+        shown = picture
+        if fault == "bgr":
+            shown = Image.fromarray(np.asarray(picture)[:, :, ::-1])
+        if fault == "shift":
+            shown = Image.fromarray(half_a_pixel(np.asarray(picture)))
+        given = processor(images=shown, return_tensors="pt")
+        self.model, self.processor, self.size = model, processor, picture.size
+        self.reshaped = [int(side) for side in given["reshaped_input_sizes"][0]]
+        self.embedding = model.get_image_embeddings(given["pixel_values"])
+
+    def answers(self):
+        given = []
+        for prompt in prompts(*self.size):
+            given.append(self.answer(prompt, given))
+        return given
+
+    def answer(self, prompt, before):
+        (width, height), (rows, columns) = self.size, self.reshaped
+        scale = torch.tensor([columns / width, rows / height])
+        asked = {}
+        if prompt["clicks"]:
+            clicks = torch.tensor(prompt["clicks"], dtype=torch.float32)
+            asked["input_points"] = (clicks[:, :2] * scale)[None, None]
+            asked["input_labels"] = clicks[:, 2].to(torch.int64)[None, None]
+        if prompt["boxes"]:
+            boxes = torch.tensor(prompt["boxes"], dtype=torch.float32)
+            asked["input_boxes"] = (boxes.reshape(-1, 2, 2) * scale).reshape(1, -1, 4)
+        if prompt["after"] is not None:
+            asked["input_masks"] = before[prompt["after"]]["low"][None, None]
+        many = len(prompt["clicks"]) == 1 and not prompt["boxes"]
+        out = self.model(image_embeddings=self.embedding, multimask_output=many, **asked)
+        best = int(out.iou_scores[0, 0].argmax())
+        low = out.pred_masks[0, :, best : best + 1]
+        logits = self.processor.post_process_masks(
+            low[None], [[height, width]], [self.reshaped], binarize=False
+        )[0]
+        chosen = {"low": low[0, 0], "logits": logits[0, 0], "iou": float(out.iou_scores[0, 0, best])}
+        return prompt | chosen | {"covers": float((logits > 0).float().mean())}
+
+
+def half_a_pixel(picture):
+    """The picture moved to the left by half a pixel."""
+    right = np.concatenate([picture[:, 1:], picture[:, -1:]], 1)
+    return ((picture.astype(np.uint16) + right + 1) // 2).astype(np.uint8)
+
+
+def build(size, seed, processor, shown, fault):
+    """The reference with weights under which every mask covers a fair share, and its answers per picture."""
+    model = reference(size)
+    exporter.randomise(model, seed)
+    of_encoder = {name: value.clone() for name, value in model.state_dict().items() if "vision_encoder" in name}
+    tie(model)
+    asked = [Asked(model, processor, picture, fault) for picture in shown]
+    for draw in range(DRAWS):
+        exporter.randomise(model, seed + draw)
+        model.load_state_dict(model.state_dict() | of_encoder)
+        tie(model)
+        answers = [of.answers() for of in asked]
+        if all(COVERED[0] <= answer["covers"] <= COVERED[1] for given in answers for answer in given):
+            return model, list(zip(asked, answers))
+    sys.exit(f"none of {DRAWS} draws gives masks that cover {COVERED[0]:.0%} to {COVERED[1]:.0%}; try another --seed")
+
+
+def tie(model):
+    """Both names hold one tensor."""
+    shared = model.prompt_encoder.shared_embedding.positional_embedding
+    shared.copy_(model.shared_image_embedding.positional_embedding)
+
+
+def write(out, size_name, shown, given):
+    """`reference.json` tells where in `reference.bin`, little-endian 32-bit floats, each tensor begins."""
+    values, frames = [], []
+
+    def put(tensor):
+        start = sum(len(part) for part in values)
+        values.append(tensor.detach().numpy().astype("<f4").ravel())
+        return {"start": start, "shape": list(tensor.shape)}
+
+    for at, (picture, (asked, answers)) in enumerate(zip(shown, given)):
+        name = f"frame-{at}.png"
+        picture.save(out / name, optimize=True)
+        cases = [answer | {"low": put(answer["low"])} for answer in answers]
+        for case in cases:
+            # One at the size of the picture: the others are enlarged in the same way.
+            case["logits"] = put(case["logits"]) if case is cases[0] else None
+        frames.append({"picture": name, "embedding": put(asked.embedding[0]), "cases": cases})
+    np.concatenate(values).tofile(out / "reference.bin")
+    told = {"encoder": f"sam-{size_name}-encoder.onnx", "decoder": f"sam-{size_name}-decoder.onnx", "frames": frames}
+    (out / "reference.json").write_text(json.dumps(told, indent=1) + "\n")
+
+
+def check_names():
+    """Our names and shapes are those of the official checkpoint, which `load_state_dict` asks for one by one."""
+    with torch.device("meta"):
+        state = exporter.Sam(exporter.SIZES["vit-b"]).state_dict()
+    ours = "".join(f"{name} {' '.join(map(str, value.shape))}\n" for name, value in state.items())
+    theirs = (ROOT / "tests" / "parity" / "sam_vit_b_01ec64.txt").read_text()
+    if sorted(ours.splitlines()) != sorted(theirs.splitlines()):
+        sys.exit("assets/export/sam.py: parameters differ from those of sam_vit_b_01ec64 (tests/parity)")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--size", choices=exporter.SIZES, default="tiny")
+    parser.add_argument("--frames", type=Path)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--fault", choices=["bgr", "shift"])
+    parser.add_argument("--no-test", action="store_true")
+    asked = parser.parse_args()
+    check_names()
+    size = exporter.SIZES[asked.size]
+    asked.out.mkdir(parents=True, exist_ok=True)
+    square = {"height": size.side, "width": size.side}
+    processor = SamImageProcessorPil(size={"longest_edge": size.side}, pad_size=square)
+    shown = list(pictures(asked.frames))
+    with torch.no_grad():
+        model, given = build(size, asked.seed, processor, shown, asked.fault)
+        write(asked.out, asked.size, shown, given)
+    for of, answers in given:
+        print(f"{of.size}: masks cover", ", ".join(f"{answer['covers']:.1%}" for answer in answers))
+    checkpoint = asked.out / "checkpoint.pth"
+    torch.save(official(model.state_dict()), checkpoint)
+    script = ROOT / "assets" / "export" / "sam.py"
+    subprocess.run([sys.executable, script, checkpoint, asked.out, "--size", asked.size], check=True)
+    checkpoint.unlink()
+    if not asked.no_test:
+        test = ["cargo", "test", "--release", "--lib", "masks::onnx::sam::tests::parity", "--", "--nocapture"]
+        environment = os.environ | {"OSTRA_PARITY_SAM": str(asked.out.resolve())}
+        sys.exit(subprocess.run(test, cwd=ROOT, env=environment).returncode)
+
+
+if __name__ == "__main__":
+    main()
