@@ -1,6 +1,8 @@
 //! Tests of `masks/onnx/sam`.
 
+mod errors;
 mod parity;
+mod prompts;
 
 use std::path::{Path, PathBuf};
 
@@ -10,6 +12,12 @@ use crate::engine::nn::{Network, Runtime};
 /// Small networks of random weights with reference answers (`tests/parity/sam.py` makes them).
 fn tiny() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/sam-tiny")
+}
+
+/// Networks that see flat colours.
+fn flat() -> Option<Sam> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/sam-flat");
+    networks(&folder, "encoder.onnx", "decoder.onnx")
 }
 
 /// What runs networks; `None`, after a printed line, where it is missing, which `CI` does not allow.

@@ -1,0 +1,185 @@
+//! What the networks are asked, with networks that see flat colours (`tests/parity/flat.py`).
+
+use glam::DVec2;
+
+use super::super::{EverythingOptions, Part, Sam, SamFrame};
+use super::flat;
+use crate::engine::job::Progress;
+use crate::frames::Image;
+use crate::masks::{Click, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
+
+const WIDTH: u32 = 256;
+const HEIGHT: u32 = 192;
+const RED: [u32; 4] = [32, 32, 80, 96];
+const GREEN: [u32; 4] = [144, 48, 208, 112];
+
+/// Two things on a grey ground, by their first and last columns and rows.
+fn picture() -> Image {
+    let colour = |x: u32, y: u32| {
+        let is_in = |[x0, y0, x1, y1]: [u32; 4]| (x0..x1).contains(&x) && (y0..y1).contains(&y);
+        if is_in(RED) {
+            [220, 40, 30]
+        } else if is_in(GREEN) {
+            [40, 200, 60]
+        } else {
+            [120; 3]
+        }
+    };
+    let pixels = (0..WIDTH * HEIGHT).map(|at| colour(at % WIDTH, at / WIDTH)).collect();
+    Image { width: WIDTH, height: HEIGHT, pixels }
+}
+
+fn thing([x0, y0, x1, y1]: [u32; 4]) -> Region {
+    let is_in = |at: u32| (x0..x1).contains(&(at % WIDTH)) && (y0..y1).contains(&(at / WIDTH));
+    Region { width: WIDTH, height: HEIGHT, inside: (0..WIDTH * HEIGHT).map(is_in).collect() }
+}
+
+fn both() -> Region {
+    let mut both = thing(RED);
+    both.unite(&thing(GREEN));
+    both
+}
+
+fn click(x: f64, y: f64, include: bool) -> Click {
+    Click { at_px: DVec2::new(x, y), include }
+}
+
+fn around([x0, y0, x1, y1]: [u32; 4]) -> PxBox {
+    PxBox { min_px: DVec2::new(x0.into(), y0.into()), max_px: DVec2::new(x1.into(), y1.into()) }
+}
+
+fn frame(sam: &Sam, part: Part) -> SamFrame {
+    sam.frame(&sam.embed(&picture(), part, &Progress::default()).unwrap()).unwrap()
+}
+
+fn whole() -> Option<SamFrame> {
+    flat().map(|sam| frame(&sam, Part::whole(WIDTH, HEIGHT)))
+}
+
+fn answer(frame: &SamFrame, clicks: &[Click], boxes: &[PxBox], previous: Option<&Region>) -> Region {
+    let prompt = Prompt { clicks: clicks.to_vec(), boxes: boxes.to_vec() };
+    frame.segment(&SegmentRequest { prompt: &prompt, previous, taken: None }).unwrap()
+}
+
+/// The masks' edges are those of cells of four pixels.
+fn alike(a: &Region, b: &Region) -> bool {
+    a.iou(b) > 0.9
+}
+
+const IN_RED: Click = Click { at_px: DVec2::new(50.5, 60.5), include: true };
+const IN_GREEN: Click = Click { at_px: DVec2::new(180.5, 80.5), include: true };
+
+#[test]
+fn one_click_finds_one_thing() {
+    let Some(frame) = whole() else { return };
+    assert!(alike(&answer(&frame, &[IN_RED], &[], None), &thing(RED)));
+    assert!(alike(&answer(&frame, &[], &[around(GREEN)], None), &thing(GREEN)));
+}
+
+#[test]
+fn things_of_one_label_are_asked_for_one_at_a_time() {
+    let Some(frame) = whole() else { return };
+    let found = answer(&frame, &[IN_RED, IN_GREEN], &[], None);
+    assert!(alike(&found, &both()), "together they would find neither");
+    let found = answer(&frame, &[], &[around(RED), around(GREEN)], None);
+    assert!(alike(&found, &both()));
+    let found = answer(&frame, &[IN_GREEN, click(170.5, 60.5, true)], &[around(RED)], None);
+    assert!(alike(&found, &both()), "clicks outside a box are not of its thing");
+}
+
+#[test]
+fn clicks_that_exclude_other_labels_do_not_disturb() {
+    let Some(frame) = whole() else { return };
+    let rivals = [click(180.5, 80.5, false), click(10.5, 10.5, false)];
+    let found = answer(&frame, &[rivals[0], rivals[1], IN_RED], &[], None);
+    assert!(alike(&found, &thing(RED)));
+    assert_eq!(answer(&frame, &rivals, &[], None).area(), 0, "nothing is asked for");
+}
+
+#[test]
+fn excluded_thing_goes_away_and_the_other_stays() {
+    let Some(frame) = whole() else { return };
+    let clicks = [IN_RED, IN_GREEN, click(170.5, 60.5, false)];
+    let found = answer(&frame, &clicks, &[], None);
+    assert!(alike(&found, &thing(RED)), "{}", found.iou(&thing(RED)));
+}
+
+#[test]
+fn box_is_asked_for_its_middle() {
+    let Some(frame) = whole() else { return };
+    let all = PxBox { min_px: DVec2::ZERO, max_px: DVec2::new(256.0, 192.0) };
+    let ground = answer(&frame, &[], &[all], None);
+    assert!(alike(&ground, &both().inverted()), "{}", ground.iou(&both().inverted()));
+}
+
+#[test]
+fn mask_from_elsewhere_is_refined_where_it_is_clicked() {
+    let Some(frame) = whole() else { return };
+    // Painted: half of the red thing, and the green one with ground around it.
+    let half = thing([32, 32, 56, 96]);
+    let mut painted = thing([112, 32, 224, 128]);
+    painted.unite(&half);
+    let found = answer(&frame, &[click(120.5, 40.5, false)], &[], Some(&painted));
+    let mut expected = thing(GREEN);
+    expected.unite(&half);
+    assert!(alike(&found, &expected), "{}", found.iou(&expected));
+    assert!(found.at(32, 32) && found.at(55, 95), "what was not clicked stays to the pixel");
+    let found = answer(&frame, &[click(70.5, 60.5, true)], &[], Some(&half));
+    assert!(alike(&found, &thing(RED)), "{}", found.iou(&thing(RED)));
+    assert_eq!(answer(&frame, &[click(40.5, 40.5, true)], &[], Some(&half)), half, "that is inside already");
+}
+
+#[test]
+fn answers_do_not_depend_on_what_was_asked_before() {
+    let Some(frame) = whole() else { return };
+    let clicks = [IN_RED, IN_GREEN, click(120.5, 170.5, false), click(60.5, 40.5, true)];
+    let steps: Vec<Region> = (1..=clicks.len()).map(|count| answer(&frame, &clicks[..count], &[], None)).collect();
+    for (count, step) in (1..).zip(&steps) {
+        assert_eq!(answer(&whole().unwrap(), &clicks[..count], &[], None), *step, "a fresh frame");
+        let previous = (count > 1).then(|| &steps[count - 2]);
+        assert_eq!(answer(&frame, &clicks[..count], &[], previous), *step, "as a refinement");
+    }
+}
+
+#[test]
+fn clicked_pixels_obey_and_those_of_others_are_left() {
+    let Some(frame) = whole() else { return };
+    let prompt = Prompt { clicks: vec![IN_RED, click(40.5, 40.5, false)], boxes: Vec::new() };
+    let taken = thing([60, 32, 80, 96]);
+    let found = frame.segment(&SegmentRequest { prompt: &prompt, previous: None, taken: Some(&taken) }).unwrap();
+    assert!(found.at(50, 60) && !found.at(40, 40), "both lie on one colour");
+    assert!(!found.at(70, 60));
+}
+
+#[test]
+fn close_up_shows_its_part_only() {
+    let Some(sam) = flat() else { return };
+    let prompt = Prompt { clicks: vec![IN_RED], boxes: vec![around(RED)] };
+    let part = Part::around(&prompt, WIDTH, HEIGHT, sam.side()).unwrap();
+    assert_eq!(part, Part { x: 0, y: 0, width: 128, height: 128 });
+    let part = Part { x: 16, y: 16, ..part };
+    let close = frame(&sam, part);
+    let found = answer(&close, &[IN_RED], &[], None);
+    assert!(found.iou(&thing(RED)) > 0.96, "twice as fine: {}", found.iou(&thing(RED)));
+    let prompt = Prompt { clicks: vec![IN_GREEN], boxes: Vec::new() };
+    let error = close.segment(&SegmentRequest { prompt: &prompt, previous: None, taken: None }).unwrap_err();
+    assert!(error.to_string().contains("128×128 pixels from 16, 16"), "{error}");
+    let far = PxBox { min_px: DVec2::ZERO, max_px: DVec2::new(250.0, 20.0) };
+    assert_eq!(Part::around(&Prompt { clicks: Vec::new(), boxes: vec![far] }, WIDTH, HEIGHT, 256), None);
+    assert_eq!(Part::around(&Prompt::default(), WIDTH, HEIGHT, 256), None);
+}
+
+#[test]
+fn everything_is_found_once() {
+    let Some(frame) = whole() else { return };
+    let options = EverythingOptions { points_per_side: 8, ..EverythingOptions::default() };
+    let found = frame.everything(&options, &Progress::default()).unwrap();
+    let (all, least) = (found.len(), found.iter().map(|one| one.stability).fold(1.0, f32::min));
+    assert_eq!(all, 3, "two things and the ground; what is only possible does not count");
+    assert!(found.iter().any(|one| alike(&one.region, &thing(RED))));
+    assert!(found.iter().any(|one| alike(&one.region, &thing(GREEN)) && one.extent.iou(&around(GREEN)) > 0.9));
+    assert!(least >= 0.95 && found.iter().all(|one| one.score > 0.88));
+    let stopped = Progress::default();
+    stopped.stop();
+    assert!(frame.everything(&options, &stopped).is_err());
+}

@@ -1,0 +1,88 @@
+#!/usr/bin/env python3
+"""Two small networks with the inputs and outputs of Segment Anything that see flat colours, for tests of what is asked.
+
+    pip install torch onnx
+    python3 tests/parity/flat.py tests/parity/sam-flat
+
+The embedding is the mean colour of each cell. An answer is all cells that are of the mean colour of the include clicks
+(without one: of the middle of the box), within the box; an earlier answer is added; what has the colour of an exclude
+click is taken away. Clicks on two colours at once therefore find neither.
+"""
+
+import sys
+import warnings
+from pathlib import Path
+
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+SIDE, CELLS = 256, 16
+CELL = SIDE // CELLS
+
+
+class Encoder(nn.Module):
+    def forward(self, image):
+        return F.avg_pool2d(image, CELL)
+
+
+class Decoder(nn.Module):
+    def forward(self, embedding, coords, labels, mask, has_mask, size):
+        colours = embedding.flatten(2).transpose(1, 2)  # [1, cells, 3]
+        middles = torch.arange(CELLS) * CELL + (CELL - 1) / 2
+        rows, columns = torch.meshgrid(middles, middles, indexing="ij")
+        places = torch.stack([columns, rows], -1).reshape(1, 1, -1, 2)
+        include, first, last = ((labels == kind).float()[..., None] for kind in (1, 2, 3))
+        is_boxed, is_clicked = last.sum(), include.sum().clamp(max=1)
+        lower, upper = (coords * first).sum(1), (coords * last).sum(1)
+        at = torch.cat([coords, ((lower + upper) / 2)[:, None]], 1)
+        weight = torch.cat([include, ((1 - is_clicked) * is_boxed).reshape(1, 1, 1)], 1)
+        near = ((places - at[:, :, None]).abs() <= CELL / 2).all(-1).float()  # [1, points, cells]
+        seen = (near @ colours) / near.sum(-1, keepdim=True).clamp(min=1)
+        meant = (seen * weight).sum(1, keepdim=True) / weight.sum(1, keepdim=True).clamp(min=1)
+        alike = 1 - 10 * (colours - meant).square().sum(-1)
+        outside = ((places[:, 0] < lower[:, None]) | (places[:, 0] > upper[:, None])).any(-1).float()
+        alike = alike - 100 * outside * is_boxed - 100 * (1 - weight.sum().clamp(max=1))
+        earlier = F.avg_pool2d(mask, mask.shape[-1] // CELLS).flatten(1)
+        alike = torch.where(has_mask > 0, torch.maximum(alike, earlier), alike)
+        unlike = 10 * (colours[:, None] - seen[:, :-1, None]).square().sum(-1) - 1  # [1, points, cells]
+        unlike = unlike + 1000 * (labels != 0).float()[..., None]
+        low = torch.minimum(alike, unlike.amin(1)).unflatten(1, (CELLS, CELLS))[:, None]
+        low = 8 * F.interpolate(low.clamp(-1, 1), scale_factor=4.0, mode="nearest")
+        masks = torch.cat([low, low * 0 - 1, low, low * 0 + 1], 1)
+        return F.interpolate(masks, (16, 16)) + 0 * size.sum(), low.sum() * 0 + torch.tensor([[0.5, 0.6, 0.95, 0.7]]), masks
+
+
+def main():
+    out = Path(sys.argv[1])
+    out.mkdir(parents=True, exist_ok=True)
+    given = {
+        "image_embeddings": torch.zeros(1, 3, CELLS, CELLS),
+        "point_coords": torch.zeros(1, 3, 2),
+        "point_labels": torch.tensor([[1.0, 0.0, -1.0]]),
+        "mask_input": torch.zeros(1, 1, 4 * CELLS, 4 * CELLS),
+        "has_mask_input": torch.zeros(1),
+        "orig_im_size": torch.tensor([16.0, 16.0]),
+    }
+    outputs = ["masks", "iou_predictions", "low_res_masks"]
+    free = {"point_coords": {1: "points"}, "point_labels": {1: "points"}}
+    export = {"opset_version": 17, "dynamo": False}
+    image = torch.zeros(1, 3, SIDE, SIDE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            Encoder(), (image,), out / "encoder.onnx", input_names=["image"], output_names=["image_embeddings"], **export
+        )
+        torch.onnx.export(
+            Decoder(),
+            tuple(given.values()),
+            out / "decoder.onnx",
+            input_names=list(given),
+            output_names=outputs,
+            dynamic_axes=free,
+            **export,
+        )
+
+
+if __name__ == "__main__":
+    main()
