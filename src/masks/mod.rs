@@ -49,6 +49,9 @@ pub use region::Region;
 pub use robot::{LabelClick, next_click, next_label_click};
 pub use runs::{Extent, RunMask};
 pub use score::{FramePair, FrameScore, LabelScore, MaskScore, ScoreOptions, boundary_f, score_masks, score_pairs};
-pub use seam::{Direction, PreparedFrame, SegmentRequest, Segmenter, TrackRequest, TrackedFrame, Tracker};
+pub use seam::{
+    Direction, GroundRequest, Grounded, PreparedFrame, SegmentRequest, Segmenter, TextGrounder, TrackRequest,
+    TrackedFrame, Tracker,
+};
 pub use thin::trace;
 pub use unexplained::{Apartness, Unexplained};

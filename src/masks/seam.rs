@@ -1,7 +1,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::{LabelId, LabelMask, MaskError, Prompt, Region};
+use super::{LabelId, LabelMask, MaskError, Prompt, PxBox, Region};
 use crate::engine::job::Progress;
 use crate::frames::{DepthMap, Frame, FrameStore, Image};
 
@@ -43,6 +43,47 @@ pub struct SegmentRequest<'a> {
     pub previous: Option<&'a Region>,
     /// Pixels that belong to other labels and may not be taken.
     pub taken: Option<&'a Region>,
+}
+
+/// Finds what words name.
+pub trait TextGrounder: Send + Sync {
+    /// Its name on the command line, e.g. `yolox`.
+    fn name(&self) -> &'static str;
+
+    /// The only words that it knows; `None` where any can be tried.
+    fn vocabulary(&self) -> Option<&'static [&'static str]>;
+
+    /// A box around everything that one of the phrases names, the surest first.
+    ///
+    /// # Errors
+    /// [`MaskError::Request`] for no phrase, or one that is not in the vocabulary, which it tells;
+    /// [`MaskError::Stopped`], or what the network says.
+    fn ground(
+        &self,
+        image: &Image,
+        request: &GroundRequest<'_>,
+        progress: &Progress,
+    ) -> Result<Vec<Grounded>, MaskError>;
+}
+
+/// What is asked of a [`TextGrounder`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GroundRequest<'a> {
+    /// What to look for, in words.
+    pub phrases: &'a [String],
+    /// Least score of a box, 0–1; `None` = what suits the grounder.
+    pub threshold: Option<f32>,
+}
+
+/// A thing that a phrase names.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grounded {
+    /// Number of the phrase, from 0.
+    pub phrase: usize,
+    /// Box around the thing, within the picture.
+    pub extent: PxBox,
+    /// How sure it is, 0–1.
+    pub score: f32,
 }
 
 /// Which way masks are carried from an anchor.

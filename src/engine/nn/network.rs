@@ -1,8 +1,10 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
-use ort::session::{Session, SessionInputValue};
+use ort::session::{RunOptions, Session, SessionInputValue};
 use ort::value::{DynValue, Outlet, TensorElementType, TensorRef};
 
 use super::error::NnError;
@@ -53,16 +55,61 @@ impl Network {
     /// # Errors
     /// [`NnError::Run`] where an input is missing or does not fit, an output is of another kind, memory is short.
     pub fn run(&self, inputs: &[(&str, &Tensor)]) -> Result<Vec<Tensor>, NnError> {
-        let failed = |error: ort::Error| NnError::Run { path: self.path.clone(), what: one_line(&error) };
+        RunOptions::new().and_then(|options| self.run_with(inputs, &options)).map_err(|error| self.failed(&error))
+    }
+
+    /// As [`Network::run`], but gives up, with `None`, soon after the answer is no longer wanted.
+    ///
+    /// # Errors
+    /// As [`Network::run`].
+    pub fn run_while(
+        &self,
+        inputs: &[(&str, &Tensor)],
+        is_wanted: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Option<Vec<Tensor>>, NnError> {
+        let options = RunOptions::new().map_err(|error| self.failed(&error))?;
+        let given = std::thread::scope(|scope| {
+            let (running, ended) = channel::<()>();
+            let options = &options;
+            scope.spawn(move || terminate_unless(options, is_wanted, &ended));
+            let given = self.run_with(inputs, options);
+            drop(running);
+            given
+        });
+        match given {
+            Err(_) if !is_wanted() => Ok(None),
+            given => given.map(Some).map_err(|error| self.failed(&error)),
+        }
+    }
+
+    fn run_with(&self, inputs: &[(&str, &Tensor)], options: &RunOptions) -> ort::Result<Vec<Tensor>> {
         let fed = inputs.iter().map(|&(name, tensor)| Ok((Cow::Borrowed(name), view(tensor)?)));
-        let fed = fed.collect::<ort::Result<Vec<(Cow<'_, str>, SessionInputValue<'_>)>>>().map_err(failed)?;
+        let fed = fed.collect::<ort::Result<Vec<(Cow<'_, str>, SessionInputValue<'_>)>>>()?;
         let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
-        let given = session.run(fed).map_err(failed)?;
+        let given = session.run_with_options(fed, options)?;
         let read = |port: &Port| {
             let missing = || ort::Error::new(format!("no output `{}`", port.name));
-            given.get(&port.name).ok_or_else(missing).and_then(copied).map_err(failed)
+            given.get(&port.name).ok_or_else(missing).and_then(copied)
         };
         self.signature.outputs.iter().map(read).collect()
+    }
+
+    fn failed(&self, error: &ort::Error) -> NnError {
+        NnError::Run { path: self.path.clone(), what: one_line(error) }
+    }
+}
+
+/// How often it is asked whether a run is still wanted.
+const ASKED_EVERY: Duration = Duration::from_millis(20);
+
+/// Ends a run that is no longer wanted; returns when the run has `ended`.
+fn terminate_unless(options: &RunOptions, is_wanted: &(dyn Fn() -> bool + Sync), ended: &Receiver<()>) {
+    while ended.recv_timeout(ASKED_EVERY) == Err(RecvTimeoutError::Timeout) {
+        if !is_wanted() {
+            // Where that fails the run goes on to its end.
+            let _ = options.terminate();
+            return;
+        }
     }
 }
 

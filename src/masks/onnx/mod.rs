@@ -1,6 +1,11 @@
-//! Segmenters that run networks: Segment Anything.
+//! Networks behind the seams of masks: Segment Anything, YOLOX.
 //!
 //! May use: engine::nn, engine::job, frames, the nouns of masks. Must not touch: cameras, 3-D, UI.
 
+mod boxes;
+mod coco;
 mod resize;
 pub mod sam;
+mod yolox;
+
+pub use yolox::Yolox;

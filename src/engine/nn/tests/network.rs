@@ -32,6 +32,18 @@ fn threads_share_a_network() {
 }
 
 #[test]
+fn a_run_that_is_no_longer_wanted_is_given_up() {
+    let Some((runtime, folder)) = ready() else { return };
+    let network = Network::load(&runtime, &folder.join("xfeat.onnx"), Some(&expected("xfeat"))).unwrap();
+    // Large enough to be running still when it is asked for the first time.
+    let large = Tensor::floats(&[1, 1, 2048, 4096], vec![0.5; 2048 * 4096]).unwrap();
+    assert!(network.run_while(&[("input", &large)], &|| false).unwrap().is_none());
+    let small = Tensor::floats(&[1, 1, 64, 64], vec![0.5; 64 * 64]).unwrap();
+    let given = network.run_while(&[("input", &small)], &|| true).unwrap();
+    assert_eq!(given, Some(network.run(&[("input", &small)]).unwrap()), "the network is as good as before");
+}
+
+#[test]
 fn another_network_is_refused_with_both_interfaces() {
     let Some((runtime, folder)) = ready() else { return };
     let error = Network::load(&runtime, &folder.join("yolox_nano.onnx"), Some(&expected("xfeat"))).unwrap_err();

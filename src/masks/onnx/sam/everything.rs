@@ -3,6 +3,7 @@ use glam::DVec2;
 use super::decoder::Answer;
 use super::frame::SamFrame;
 use crate::engine::job::Progress;
+use crate::masks::onnx::boxes::without_doubles;
 use crate::masks::{Click, MaskError, PxBox, Region};
 
 /// Settings of [`SamFrame::everything`].
@@ -60,13 +61,7 @@ impl SamFrame {
         }
         // Stable: of equal scores the first, row by row.
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let mut kept: Vec<Proposal> = Vec::new();
-        for one in found {
-            if kept.iter().all(|other| one.extent.iou(&other.extent) <= options.most_overlap) {
-                kept.push(one);
-            }
-        }
-        Ok(kept)
+        Ok(without_doubles(found, options.most_overlap, |one| one.extent))
     }
 
     fn proposal(&self, mask: &Answer, options: &EverythingOptions) -> Option<Proposal> {

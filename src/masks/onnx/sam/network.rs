@@ -7,7 +7,7 @@ use super::decoder::Decoder;
 use super::embedding::Embedding;
 use super::frame::SamFrame;
 use super::part::Part;
-use crate::engine::job::Progress;
+use crate::engine::job::{Progress, Stopped};
 use crate::engine::nn::{Network, NnError, Signature, Tensor, load};
 use crate::frames::{DepthMap, Image};
 use crate::masks::onnx::resize::resized;
@@ -75,7 +75,10 @@ impl Sam {
         let side = self.side();
         let input = Tensor::floats(&[1, 3, side, side], fed(image, part, side)).map_err(told)?;
         progress.step(1, 2)?;
-        let given = self.encoder.run(&[("image", &input)]).map_err(told)?;
+        let is_wanted = || progress.check().is_ok();
+        let Some(given) = self.encoder.run_while(&[("image", &input)], &is_wanted).map_err(told)? else {
+            return Err(Stopped.into());
+        };
         let (channels, cells) = self.decoder.embedding();
         let Some(embedding) = given.first().filter(|given| given.shape() == [1, channels, cells, cells]) else {
             let path = self.encoder.path().display();

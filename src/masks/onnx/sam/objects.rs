@@ -79,9 +79,9 @@ impl<'a> Objects<'a> {
     /// Answers one more click.
     pub fn add(&mut self, click: &Click) -> Result<(), MaskError> {
         if click.include {
-            self.include(click)?
+            self.include(click)?;
         } else {
-            self.excludes.push(*click)
+            self.excludes.push(*click);
         }
         self.tell_excludes()
     }
