@@ -7,7 +7,7 @@ use crate::masks::RunMask;
 use crate::scene::doubt::FrameDoubt;
 use crate::scene::fuse::Votes;
 use crate::scene::{LabelledCloud, LabelledMesh};
-use crate::session::{Engine, EngineKind, Estimate, JobView, Pictures, Project, SparseModel, Suggestion};
+use crate::session::{Engine, EngineKind, Estimate, Grounding, JobView, Pictures, Project, SparseModel, Suggestion};
 
 /// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
 #[derive(Clone, Copy)]
@@ -50,6 +50,8 @@ pub struct Look<'a> {
     pub before: Option<&'a Arc<RunMask>>,
     /// Things found that no label explains.
     pub suggestions: &'a [Suggestion],
+    /// What words found.
+    pub grounding: Option<&'a Grounding>,
     /// Work by hand on masks since the session began.
     pub interactions: usize,
     /// By frame, how much its mask contradicts the vote of all.

@@ -6,10 +6,11 @@ use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
     HEAT_HEIGHT, ScenePane, cloud_labels_ui, doubt_ui, filmstrip_ui, fuse_ui, heat_ui, jobs_ui, labels_ui, matches_ui,
-    reconstruct_ui, results_ui, segmenter_ui, status_ui, suggestions_ui, timeline_ui, track_ui, welcome_ui,
+    reconstruct_ui, results_ui, segmenter_ui, status_ui, suggestions_ui, timeline_ui, track_ui, welcome_ui, words_ui,
 };
 use super::perform::perform;
 use super::textures::Textures;
+use super::tips::section_heading;
 use super::{Action, Dialog, Look, Panes, Prefs, ViewState};
 use crate::session::Command;
 
@@ -97,6 +98,9 @@ impl Shell {
                 labels_ui(ui, look, view, out);
                 ui.separator();
                 segmenter_ui(ui, look, view);
+                ui.separator();
+                section_heading(ui, "Look for");
+                words_ui(ui, look, view, out);
             });
         });
         side_panel(Panel::right("work"), 262.0).show(ui, |ui| {

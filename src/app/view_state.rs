@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::canvas::{Draft, Rest, Tool, ZoomState};
 use super::dialogs::{ExportForm, NewProjectForm, PathPicker, RelocateForm, SheetState};
-use super::panels::{Asked, LabelEditing, MatchView, PointCounts, Ruler};
+use super::panels::{Asked, LabelEditing, MatchView, PointCounts, Ruler, Words};
 use super::presence::Presence;
 use super::{Look, Notices, Prefs};
 use crate::masks::{Direction, LabelId, MaskFormat};
@@ -72,6 +72,8 @@ pub struct ViewState {
     pub recipe_to: Option<PathBuf>,
     /// The shortcut sheet.
     pub sheet: SheetState,
+    /// What is looked for by words.
+    pub words: Words,
     /// What is typed in the palette.
     pub palette_text: String,
     /// What is being edited in the label list.
@@ -234,6 +236,7 @@ impl ViewState {
             path_text: String::new(),
             recipe_to: None,
             sheet: SheetState::default(),
+            words: Words::default(),
             palette_text: String::new(),
             labels: LabelEditing::default(),
             presence: Presence::default(),

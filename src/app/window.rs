@@ -130,6 +130,7 @@ impl Window {
             recent: self.recent.paths(),
             before: before.as_ref(),
             suggestions: self.session.suggestions(),
+            grounding: self.session.grounding(),
             interactions: self.session.interactions(),
             doubts: self.session.doubts(),
             estimate: self.estimate,

@@ -12,7 +12,7 @@ use super::print::say;
 use crate::scene::doubt::FrameDoubt;
 use crate::scene::fuse::Votes;
 use crate::scene::{LabelledCloud, LabelledMesh};
-use crate::session::{Command, Event, JobView, Project, Session, Suggestion};
+use crate::session::{Command, Event, FoundThing, JobView, Project, Session, Suggestion};
 
 /// Ctrl+C was pressed; what was finished is kept.
 #[derive(Debug, Clone, Copy, thiserror::Error)]
@@ -92,6 +92,11 @@ impl Driver {
             self.settle()?;
         }
         Ok(Arc::clone(self.session.doubts()))
+    }
+
+    /// What the last search by words found.
+    pub(super) fn found(&self) -> Vec<FoundThing> {
+        self.session.grounding().map(|grounding| grounding.things.clone()).unwrap_or_default()
     }
 
     /// What the last search for unlabelled things found.

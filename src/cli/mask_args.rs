@@ -82,6 +82,9 @@ pub(super) struct GroundArgs {
     /// auto, grounding-dino or yolox.
     #[arg(long, default_value = "auto", value_name = "NAME")]
     pub grounder: String,
+    /// Makes masks of the boxes: auto, sam or builtin.
+    #[arg(long, default_value = "auto", value_name = "NAME")]
+    pub segmenter: String,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -2,9 +2,10 @@ use anyhow::{Result, bail};
 
 use super::drive::Driver;
 use super::mask_args::{GroundArgs, MasksArgs, MasksVerb, PromptArgs, TidyArgs, TraceArgs};
+use super::print::say;
 use super::project::label_id;
 use crate::masks::{Click, Prompt, PxBox};
-use crate::session::{Command, PromptRequest, TidyRequest, TraceRequest};
+use crate::session::{Command, GroundRequest, PromptRequest, TakeRequest, TidyRequest, TraceRequest};
 
 pub(super) fn prompt(args: &PromptArgs) -> Result<()> {
     let driver = Driver::open(&args.project)?;
@@ -18,14 +19,25 @@ pub(super) fn prompt(args: &PromptArgs) -> Result<()> {
 }
 
 pub(super) fn ground(args: &GroundArgs) -> Result<()> {
-    Driver::open(&args.project)?;
-    bail!(
-        "grounder '{}' needs a network, and this version cannot run one yet: prompt '{}' on frame {} (boxes above {}) with --click or --box instead",
-        args.grounder,
-        args.text,
-        args.frame,
-        args.threshold
-    )
+    let mut driver = Driver::open(&args.project)?;
+    let phrases = args.text.split(';').map(|phrase| phrase.trim().to_owned());
+    let phrases: Vec<String> = phrases.filter(|phrase| !phrase.is_empty()).collect();
+    let (frame, threshold) = (args.frame, Some(args.threshold));
+    driver.act(Command::Ground(GroundRequest { frame, phrases, threshold, grounder: args.grounder.clone() }))?;
+    let found = driver.found();
+    if found.is_empty() {
+        bail!(
+            "nothing of '{}' was found on frame {frame}; try a lower --threshold, another frame, or other words",
+            args.text
+        );
+    }
+    for thing in &found {
+        let PxBox { min_px, max_px } = thing.extent;
+        let extent = format!("{:.0},{:.0},{:.0},{:.0}", min_px.x, min_px.y, max_px.x, max_px.y);
+        say(&format!("{}: {:.0} %, {extent}\n", thing.phrase, 100.0 * thing.score));
+    }
+    let things = found.into_iter().map(|thing| (thing.phrase, thing.extent)).collect();
+    driver.act_and_save([Command::TakeFound(TakeRequest { frame, things, segmenter: args.segmenter.clone() })])
 }
 
 pub(super) fn masks(args: MasksArgs) -> Result<()> {

@@ -32,6 +32,8 @@ impl Session {
             Command::EditLabel(label) => self.edit_label(label).map(|()| None),
             Command::RemoveLabel(id) => self.remove_label(*id).map(|()| None),
             Command::Prompt(request) => self.prompt(request),
+            Command::Ground(request) => self.ground(request).map(Some),
+            Command::TakeFound(request) => self.take_found(request).map(Some),
             Command::Paint(request) => self.paint(request),
             Command::Trace(request) => self.trace(request).map(Some),
             Command::Tidy(request) => self.tidy(request).map(|()| None),

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::frames::cameras::{IntrinsicsSource, ModelEncoding};
-use crate::masks::{Direction, LabelId, Prompt};
+use crate::masks::{Direction, LabelId, Prompt, PxBox};
 
 /// A wish: all that window, command line and recipes can ask of a [`super::Session`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,6 +42,10 @@ pub enum Command {
     RemoveLabel(LabelId),
     /// Sets what is given for a label on a frame and segments it; an empty prompt takes the label off the frame.
     Prompt(PromptRequest),
+    /// Looks for what words name on a frame.
+    Ground(GroundRequest),
+    /// Makes labels and masks of things that were found.
+    TakeFound(TakeRequest),
     /// Brush, eraser or polygon on a frame's mask; the frame becomes an anchor.
     Paint(PaintRequest),
     /// Gives a thin structure through some points to a label; the frame becomes an anchor.
@@ -107,7 +111,7 @@ impl Command {
     #[must_use]
     pub fn is_interaction(&self) -> bool {
         use Command as C;
-        let on_a_frame = matches!(self, C::Prompt(_) | C::Paint(_) | C::Trace(_) | C::Tidy(_));
+        let on_a_frame = matches!(self, C::Prompt(_) | C::TakeFound(_) | C::Paint(_) | C::Trace(_) | C::Tidy(_));
         on_a_frame || matches!(self, C::Range(_) | C::MakeAnchor { .. } | C::AcceptVote { .. } | C::ClearMask { .. })
     }
 }
@@ -125,6 +129,33 @@ pub struct NewProject {
     /// The same for every frame.
     #[serde(default)]
     pub intrinsics: Option<IntrinsicsSource>,
+}
+
+/// What to look for by words.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GroundRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// Each of them names a class of things.
+    pub phrases: Vec<String>,
+    /// Least score of what is found, 0–1; chosen by the grounder when absent.
+    #[serde(default)]
+    pub threshold: Option<f32>,
+    /// Which grounder; `auto` = the best that is installed.
+    #[serde(default = "auto")]
+    pub grounder: String,
+}
+
+/// Things that become labels, each an instance of its phrase's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TakeRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// What each is, and the box around it.
+    pub things: Vec<(String, PxBox)>,
+    /// Which segmenter makes masks of the boxes; `auto` = the best that is installed.
+    #[serde(default = "auto")]
+    pub segmenter: String,
 }
 
 /// A prompt for one label on one frame.

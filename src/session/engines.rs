@@ -2,12 +2,13 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail, ensure};
 
+use super::networks::{KeptSam, SAM_NETWORKS, yolox};
 use super::{Project, TrackSettings};
 use crate::engine::nn::{Catalogue, Runtime, models_folder};
 use crate::frames::Frame;
 use crate::masks::builtin::BuiltinSegmenter;
 use crate::masks::flow::FlowTracker;
-use crate::masks::{Segmenter, Tracker};
+use crate::masks::{Segmenter, TextGrounder, Tracker};
 use crate::scene::GeometryTracker;
 use crate::scene::rgbd::register::GlobalRegistration;
 use crate::scene::sfm::matching::NearestMatcher;
@@ -19,6 +20,8 @@ use crate::scene::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
 pub enum EngineKind {
     /// Turns prompts into masks.
     Segmenter,
+    /// Finds what words name.
+    Grounder,
     /// Carries masks through the sequence.
     Tracker,
     /// Finds keypoints in pictures.
@@ -31,6 +34,7 @@ impl EngineKind {
     fn noun(self) -> &'static str {
         match self {
             Self::Segmenter => "segmenter",
+            Self::Grounder => "grounder",
             Self::Tracker => "tracker",
             Self::Features => "feature extractor",
             Self::Matcher => "matcher",
@@ -55,15 +59,21 @@ pub struct Engine {
 #[must_use]
 pub fn engines() -> Vec<Engine> {
     const WEIGHTS: &str = "network weights, which this version cannot load yet; use what needs none";
+    const SAM: &str = "the networks sam-vit-b or mobile-sam and ONNX Runtime; add both with 'ostra models add'";
+    const YOLOX: &str = "the network yolox and ONNX Runtime; add both with 'ostra models add'";
     const LIGHTERGLUE: &str = "features of xfeat, its network and ONNX Runtime; add both with 'ostra models add'";
     let segmenter = |name, installed, needs| Engine { kind: EngineKind::Segmenter, name, installed, needs };
+    let grounder = |name, installed, needs| Engine { kind: EngineKind::Grounder, name, installed, needs };
     let tracker = |name, installed, needs| Engine { kind: EngineKind::Tracker, name, installed, needs };
     let features = |name, installed, needs| Engine { kind: EngineKind::Features, name, installed, needs };
     let matcher = |name, installed, needs| Engine { kind: EngineKind::Matcher, name, installed, needs };
     vec![
         segmenter("auto", true, "nothing; takes the best that is installed"),
-        segmenter("sam", false, WEIGHTS),
+        segmenter("sam", sam_network().is_some(), SAM),
         segmenter("builtin", true, "nothing"),
+        grounder("auto", is_usable("yolox"), YOLOX),
+        grounder("grounding-dino", false, WEIGHTS),
+        grounder("yolox", is_usable("yolox"), YOLOX),
         tracker("auto", true, "what the tracker it takes needs"),
         tracker("xmem", false, WEIGHTS),
         tracker("deaot", false, WEIGHTS),
@@ -98,7 +108,21 @@ pub(super) fn check_installed(kind: EngineKind, name: &str) -> Result<()> {
 /// The segmenter of this name; `auto` is the best that is installed.
 pub(super) fn segmenter(name: &str) -> Result<Arc<dyn Segmenter>> {
     check_installed(EngineKind::Segmenter, name)?;
-    Ok(Arc::new(BuiltinSegmenter))
+    Ok(match sam_network().filter(|_| name != "builtin") {
+        Some(network) => Arc::new(KeptSam { network }),
+        None => Arc::new(BuiltinSegmenter),
+    })
+}
+
+/// The first network behind `sam` that can be used.
+fn sam_network() -> Option<&'static str> {
+    SAM_NETWORKS.into_iter().find(|network| is_usable(network))
+}
+
+/// What finds things by words; its network is loaded, on this thread, where it was not needed before.
+pub(super) fn grounder(name: &str) -> Result<Arc<dyn TextGrounder>> {
+    check_installed(EngineKind::Grounder, name)?;
+    Ok(yolox()?)
 }
 
 /// The tracker that the settings name; `auto` is the best that is installed and that the frames allow.

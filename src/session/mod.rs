@@ -16,12 +16,14 @@ mod engines;
 mod estimate;
 pub mod evaluate;
 mod event;
+mod grounding;
 mod growing;
 mod history;
 mod hover;
 mod jobs;
 mod marks;
 mod models;
+mod networks;
 mod on_demand;
 mod open_project;
 mod pictures;
@@ -40,14 +42,16 @@ mod tests;
 
 pub use crate::engine::nn::{Added, CheckedFile, Proof, Row};
 pub use command::{
-    Command, ExportRequest, FuseRequest, NewProject, PaintRequest, PromptRequest, RangeChange, RangeRequest, Recipe,
-    ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest, TidyRequest, TraceRequest, TrackSettings,
+    Command, ExportRequest, FuseRequest, GroundRequest, NewProject, PaintRequest, PromptRequest, RangeChange,
+    RangeRequest, Recipe, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest, TakeRequest, TidyRequest,
+    TraceRequest, TrackSettings,
 };
 pub use drawings::Drawings;
 pub use edit::Edit;
 pub use engines::{Engine, EngineKind, engines};
 pub use estimate::Estimate;
 pub use event::{Event, JobId, JobView};
+pub use grounding::{FoundThing, Grounding};
 pub use history::{Change, History, Step};
 pub use marks::Marks;
 pub use models::{add_model, check_model, list_models};

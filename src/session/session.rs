@@ -14,7 +14,7 @@ use super::jobs::{Job, Jobs, Kind, Landing};
 use super::on_demand::OnDemand;
 use super::prepared::PreparedFrames;
 use super::surfaces::Surfaces;
-use super::{Command, Edit, Event, JobId, JobView, OpenProject, Project, Recipe, SparseModel, Suggestion};
+use super::{Command, Edit, Event, Grounding, JobId, JobView, OpenProject, Project, Recipe, SparseModel, Suggestion};
 use crate::frames::FrameStore;
 use crate::masks::RunMask;
 
@@ -50,6 +50,7 @@ pub struct Session {
     pub(super) told_segmenter: Option<&'static str>,
     pub(super) interactions: usize,
     pub(super) suggestions: Vec<Suggestion>,
+    pub(super) grounding: Option<Grounding>,
 }
 
 /// The job that writes a checkpoint while work goes on.
@@ -84,6 +85,7 @@ impl Session {
             told_segmenter: None,
             interactions: 0,
             suggestions: Vec::new(),
+            grounding: None,
         }
     }
 

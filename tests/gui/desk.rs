@@ -16,7 +16,7 @@ use ostra::scene::doubt::FrameDoubt;
 use ostra::scene::fuse::Votes;
 use ostra::scene::{LabelledCloud, LabelledMesh};
 use ostra::session::{
-    Command, Engine, FrameMask, JobView, MaskOrigin, Pictures, Project, SparseModel, Suggestion, engines,
+    Command, Engine, FrameMask, Grounding, JobView, MaskOrigin, Pictures, Project, SparseModel, Suggestion, engines,
 };
 
 pub const WIDTH: u32 = 64;
@@ -41,6 +41,7 @@ pub struct Desk {
     pub recent: Vec<PathBuf>,
     pub before: Option<Arc<RunMask>>,
     pub suggestions: Vec<Suggestion>,
+    pub grounding: Option<Grounding>,
     pub doubts: BTreeMap<usize, FrameDoubt>,
     pub asked: Vec<Command>,
 }
@@ -66,6 +67,7 @@ impl Desk {
             recent: Vec::new(),
             before: None,
             suggestions: Vec::new(),
+            grounding: None,
             doubts: BTreeMap::new(),
             asked: Vec::new(),
         }
@@ -103,6 +105,7 @@ impl Desk {
             recent: &self.recent,
             before: self.before.as_ref(),
             suggestions: &self.suggestions,
+            grounding: self.grounding.as_ref(),
             interactions: 3,
             doubts: &self.doubts,
             estimate: self.project.estimate(|_| 1),

@@ -25,3 +25,5 @@ mod panels;
 mod story;
 #[cfg(test)]
 mod timeline;
+#[cfg(test)]
+mod words;

@@ -3,10 +3,10 @@ use glam::DVec2;
 
 use super::draft::{Stroke, Tool};
 use super::map::CanvasMap;
-use crate::app::panels::is_explained;
+use crate::app::panels::{is_explained, offered};
 use crate::app::{Look, ViewState};
 use crate::masks::{LabelId, Prompt};
-use crate::session::Suggestion;
+use crate::session::{FoundThing, Suggestion};
 
 const UV: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
 
@@ -27,6 +27,9 @@ pub(super) fn prompts_and_draft(
         let prompt = view.draft.prompt(look.project, view.frame, label.id);
         prompt_marks(painter, map, &prompt, color_of(look, label.id), view.label == Some(label.id));
     }
+    for (number, thing) in offered(look, view) {
+        found_box(painter, map, number, thing);
+    }
     for (number, found) in (1..).zip(look.suggestions).filter(|(_, found)| found.frame == view.frame) {
         if !is_explained(look, found) {
             suggestion_box(painter, map, number, found);
@@ -43,6 +46,16 @@ pub(super) fn prompts_and_draft(
 }
 
 /// A box around a thing that no label explains, with its number in the list.
+/// A thing that words found, with its number.
+fn found_box(painter: &Painter, map: &CanvasMap, number: usize, thing: &FoundThing) {
+    let rect = Rect::from_two_pos(map.to_screen(thing.extent.min_px), map.to_screen(thing.extent.max_px));
+    let color = Color32::from_rgb(255, 235, 90);
+    outlined_rect(painter, rect, color);
+    let text = format!("{number}  {} {:.0} %", thing.phrase, 100.0 * thing.score);
+    let at = rect.left_top() + Vec2::splat(4.0);
+    painter.text(at, egui::Align2::LEFT_TOP, text, egui::FontId::proportional(13.0), color);
+}
+
 fn suggestion_box(painter: &Painter, map: &CanvasMap, number: usize, found: &Suggestion) {
     let rect = Rect::from_two_pos(map.to_screen(found.around_px.min_px), map.to_screen(found.around_px.max_px));
     outlined_rect(painter, rect, Color32::WHITE);

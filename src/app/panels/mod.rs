@@ -24,6 +24,7 @@ mod suggestions;
 mod timeline;
 mod track;
 mod welcome;
+mod words;
 
 pub use asked::Asked;
 pub(super) use cloud_labels::{PointCounts, cloud_labels_ui};
@@ -46,3 +47,5 @@ pub(super) use suggestions::{is_explained, suggestions_ui};
 pub(super) use timeline::timeline_ui;
 pub(super) use track::track_ui;
 pub(super) use welcome::welcome_ui;
+pub use words::Words;
+pub(super) use words::{offered, words_ui};

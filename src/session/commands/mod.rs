@@ -10,6 +10,7 @@ mod depths;
 mod export;
 mod folders;
 mod fuse;
+mod ground;
 mod labels;
 mod masks;
 mod models;

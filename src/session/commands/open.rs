@@ -46,6 +46,7 @@ impl Session {
         (self.cloud, self.surfaces) = Default::default();
         (self.sparse, self.growing, self.doubts) = Default::default();
         self.suggestions.clear();
+        self.grounding = None;
         self.interactions = 0;
         let was_open = self.open.take().is_some() | self.inspected.take().is_some();
         if was_open {

@@ -1,0 +1,128 @@
+use std::sync::Arc;
+
+use anyhow::{Result, ensure};
+
+use super::paint::{by_hand, mask_of};
+use super::prompt::{answer, with_answer};
+use crate::masks::{Label, LabelId, LabelTree, Prompt};
+use crate::session::jobs::{Kind, Landing};
+use crate::session::{
+    Edit, Event, FoundThing, GroundRequest, Grounding, JobId, Project, PromptRequest, Session, TakeRequest, engines,
+};
+
+impl Session {
+    /// Looks for what words name; what is found is offered, nothing changes.
+    pub(in crate::session) fn ground(&mut self, request: &GroundRequest) -> Result<JobId> {
+        let project = self.snapshot()?;
+        let frame = project.frame(request.frame)?.clone();
+        ensure!(!request.phrases.is_empty(), "there is no word to look for; name what is to be found");
+        engines::check_installed(engines::EngineKind::Grounder, &request.grounder)?;
+        let (store, request) = (Arc::clone(&self.store), request.clone());
+        Ok(self.start("Look for words", Kind::Short, move |link| {
+            let grounder = engines::grounder(&request.grounder)?;
+            link.progress.stage("look")?;
+            let wish = crate::masks::GroundRequest { phrases: &request.phrases, threshold: request.threshold };
+            let found = grounder.ground(&*store.image(&frame)?, &wish, &link.progress)?;
+            let thing = |found: crate::masks::Grounded| FoundThing {
+                phrase: request.phrases[found.phrase].clone(),
+                extent: found.extent,
+                score: found.score,
+            };
+            let things: Vec<FoundThing> = found.into_iter().map(thing).collect();
+            let grounding = Grounding { frame: request.frame, grounder: grounder.name(), things };
+            Ok(Box::new(move |session: &mut Self| {
+                let (grounder, count) = (grounding.grounder, grounding.things.len());
+                session.events.push(Event::Notice(format!("grounder: {grounder}, {count} found")));
+                session.grounding = Some(grounding);
+                Ok(())
+            }) as Landing)
+        }))
+    }
+
+    /// Makes an instance of its phrase's label of each thing, and masks of their boxes: one step.
+    pub(in crate::session) fn take_found(&mut self, request: &TakeRequest) -> Result<JobId> {
+        let project = self.snapshot()?;
+        let frame = project.frame(request.frame)?.clone();
+        ensure!(!request.things.is_empty(), "nothing was named to be taken");
+        let segmenter = engines::segmenter(&request.segmenter)?;
+        let (prepared, store, request) = (Arc::clone(&self.prepared), Arc::clone(&self.store), request.clone());
+        Ok(self.start("Take what was found", Kind::Short, move |link| {
+            let ready = prepared.get(segmenter.as_ref(), &frame, &store, &link.progress)?;
+            link.progress.stage("segment")?;
+            let mut next = Project::clone(&project);
+            let mut edits = Vec::new();
+            for (done, (phrase, extent)) in request.things.iter().enumerate() {
+                link.progress.step(done, request.things.len())?;
+                let labels = instance_of(&next.labels, phrase)?;
+                let label = labels.last().map_or(LabelId::NONE, |label| label.id);
+                let labels = labels.into_iter().map(|label| Edit::SetLabel { id: label.id, label: Some(label) });
+                apply(&mut next, &mut edits, labels.collect())?;
+                let prompt = Prompt { clicks: Vec::new(), boxes: vec![*extent] };
+                let of = PromptRequest { frame: request.frame, label, prompt, segmenter: request.segmenter.clone() };
+                let mask = with_answer(&next, &of, &answer(ready.as_ref(), &next, &of)?)?;
+                let mut masks = by_hand(&next, request.frame, &mask);
+                masks.push(Edit::SetPrompt { frame: of.frame, label, prompt: Some(of.prompt) });
+                apply(&mut next, &mut edits, masks)?;
+            }
+            Ok(Box::new(move |session: &mut Self| {
+                let now = session.snapshot()?;
+                ensure!(
+                    now.labels == project.labels && mask_of(&now, request.frame)? == mask_of(&project, request.frame)?,
+                    "labels or the mask of frame {} changed meanwhile; take it again",
+                    request.frame
+                );
+                let extents: Vec<_> = request.things.iter().map(|(_, extent)| *extent).collect();
+                session.drop_found(request.frame, &extents);
+                session.commit(&format!("Take what was found on frame {}", request.frame), edits)
+            }) as Landing)
+        }))
+    }
+}
+
+/// Carries new edits out and puts them to the others.
+fn apply(project: &mut Project, edits: &mut Vec<Edit>, new: Vec<Edit>) -> Result<()> {
+    for edit in &new {
+        project.apply(edit.clone())?;
+    }
+    edits.extend(new);
+    Ok(())
+}
+
+/// A label for one more thing of a kind, with the label of the kind before it where there is none yet.
+fn instance_of(tree: &LabelTree, kind: &str) -> Result<Vec<Label>> {
+    let mut tree = tree.clone();
+    let mut made = Vec::new();
+    let class = match tree.by_name(kind) {
+        Some(class) => class.id,
+        None => add(&mut tree, &mut made, kind.to_owned(), None)?,
+    };
+    let free = (1..).map(|number| format!("{kind} {number}")).find(|name| tree.by_name(name).is_none());
+    add(&mut tree, &mut made, free.unwrap_or_default(), Some(class))?;
+    Ok(made)
+}
+
+fn add(tree: &mut LabelTree, made: &mut Vec<Label>, name: String, parent: Option<LabelId>) -> Result<LabelId> {
+    let id = tree.next_id();
+    ensure!(id != LabelId::NONE, "all 65535 label ids are taken; remove a label first");
+    let label = Label { id, name, color: LabelTree::color_for(id), parent };
+    tree.set(label.clone())?;
+    made.push(label);
+    Ok(id)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_thing_is_an_instance_of_its_kind() {
+        let mut tree = LabelTree::default();
+        for expected in [&["banana", "banana 1"][..], &["banana 2"], &["banana 3"]] {
+            let made = instance_of(&tree, "banana").unwrap();
+            assert_eq!(made.iter().map(|label| label.name.as_str()).collect::<Vec<_>>(), expected);
+            made.into_iter().for_each(|label| tree.set(label).unwrap());
+        }
+        let class = tree.by_name("banana").unwrap().id;
+        assert!((1..=3).all(|n| tree.by_name(&format!("banana {n}")).unwrap().parent == Some(class)));
+    }
+}

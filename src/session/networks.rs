@@ -1,0 +1,59 @@
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::engine::job::Progress;
+use crate::engine::nn::{NnError, models_folder};
+use crate::frames::{DepthMap, Image};
+use crate::masks::onnx::Yolox;
+use crate::masks::onnx::sam::Sam;
+use crate::masks::{MaskError, PreparedFrame, Segmenter, TextGrounder};
+
+/// A network that is loaded when it is first needed, on the thread that needs it, and kept for the life of the program.
+struct Kept<T>(Mutex<Option<Arc<T>>>);
+
+impl<T> Kept<T> {
+    const fn new() -> Self {
+        Self(Mutex::new(None))
+    }
+
+    fn get(&self, load: impl FnOnce() -> Result<T, NnError>) -> Result<Arc<T>, MaskError> {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(network) = kept.as_ref() {
+            return Ok(Arc::clone(network));
+        }
+        let network = Arc::new(load().map_err(|error| MaskError::Network(error.to_string()))?);
+        *kept = Some(Arc::clone(&network));
+        Ok(network)
+    }
+}
+
+static SAM: Kept<Sam> = Kept::new();
+static YOLOX: Kept<Yolox> = Kept::new();
+
+/// Networks that can stand behind the segmenter `sam`, the most exact first.
+pub(super) const SAM_NETWORKS: [&str; 2] = ["sam-vit-b", "mobile-sam"];
+
+/// Segment Anything, by the first of its networks that is installed.
+pub(super) struct KeptSam {
+    /// Its name in the catalogue.
+    pub(super) network: &'static str,
+}
+
+impl Segmenter for KeptSam {
+    fn name(&self) -> &'static str {
+        "sam"
+    }
+
+    fn prepare(
+        &self,
+        image: &Arc<Image>,
+        depth: Option<&Arc<DepthMap>>,
+        progress: &Progress,
+    ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
+        SAM.get(|| Sam::load(&models_folder()?, self.network))?.prepare(image, depth, progress)
+    }
+}
+
+/// YOLOX; loads it where it was not needed before.
+pub(super) fn yolox() -> Result<Arc<dyn TextGrounder>, MaskError> {
+    Ok(YOLOX.get(|| Yolox::load(&models_folder()?))?)
+}
