@@ -321,6 +321,9 @@ pub(super) struct ExportArgs {
     /// Pictures and masks without lens distortion, with a COLMAP model of their cameras.
     #[arg(long, value_name = "DIR")]
     pub undistorted: Option<PathBuf>,
+    /// Fill voxels with what they enclose.
+    #[arg(long, requires = "voxels")]
+    pub solid: bool,
     /// Masks of all frames, with labels.json.
     #[arg(long, value_name = "DIR")]
     pub masks: Option<PathBuf>,

@@ -93,6 +93,7 @@ pub(super) fn export(args: ExportArgs) -> Result<()> {
         cameras: args.cameras,
         camera_encoding: if args.binary { ModelEncoding::Binary } else { ModelEncoding::Text },
         undistorted: args.undistorted,
+        solid: args.solid,
         masks: args.masks,
         mask_format: args.mask_format,
         depths: args.depths,

@@ -441,6 +441,9 @@ pub struct ExportRequest {
     /// Pictures and masks without lens distortion, with their cameras.
     #[serde(default)]
     pub undistorted: Option<PathBuf>,
+    /// Voxels are filled with what they enclose.
+    #[serde(default)]
+    pub solid: bool,
     /// Folder for the masks.
     #[serde(default)]
     pub masks: Option<PathBuf>,

@@ -54,3 +54,5 @@ mod stereo_made;
 mod suggestions;
 #[cfg(test)]
 mod thin;
+#[cfg(test)]
+mod words;

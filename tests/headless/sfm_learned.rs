@@ -11,16 +11,16 @@ use super::sfm::Project;
 use crate::support::{data_dir, models_dir};
 
 /// Frames, networks and ONNX Runtime.
-struct Needs {
-    set: PathBuf,
-    networks: PathBuf,
-    runtime: PathBuf,
+pub(super) struct Needs {
+    pub(super) set: PathBuf,
+    pub(super) networks: PathBuf,
+    pub(super) runtime: PathBuf,
 }
 
 impl Needs {
     /// `None`, after a printed line, where something is missing, which is a failure when `CI` is set.
-    fn find() -> Option<Self> {
-        let (set, networks) = (data_dir()?.join("strecha_fountain_P11"), models_dir()?);
+    pub(super) fn find(set: &str) -> Option<Self> {
+        let (set, networks) = (data_dir()?.join(set), models_dir()?);
         let named = std::env::var_os("ORT_DYLIB_PATH").filter(|path| !path.is_empty());
         assert!(named.is_some() || std::env::var_os("CI").is_none(), "ORT_DYLIB_PATH names no ONNX Runtime");
         if named.is_none() {
@@ -31,7 +31,7 @@ impl Needs {
 }
 
 /// Runs the program with a data folder of its own; its exit status and both outputs.
-fn ostra<S: AsRef<OsStr>>(data: &Path, runtime: Option<&Path>, args: &[S]) -> (Option<i32>, String, String) {
+pub(super) fn ostra<S: AsRef<OsStr>>(data: &Path, runtime: Option<&Path>, args: &[S]) -> (Option<i32>, String, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ostra"));
     command.args(args).env("XDG_DATA_HOME", data);
     match runtime {
@@ -52,7 +52,7 @@ fn listed(data: &Path, name: &str) -> String {
 }
 
 /// What a command says that must fail in one line.
-fn refused(data: &Path, runtime: Option<&Path>, args: &[&str]) -> String {
+pub(super) fn refused(data: &Path, runtime: Option<&Path>, args: &[&str]) -> String {
     let (code, out, err) = ostra(data, runtime, args);
     assert_eq!(code, Some(1), "{args:?}: {out}{err}");
     assert_eq!(err.trim_end().lines().count(), 1, "{args:?}: {err}");
@@ -78,7 +78,7 @@ fn learned_features_are_refused_until_their_networks_are_there() {
 
 #[test]
 fn fountain_with_learned_features() {
-    let Some(needs) = Needs::find() else { return };
+    let Some(needs) = Needs::find("strecha_fountain_P11") else { return };
     let data = TempDir::new().unwrap();
     let run = |args: &[&str]| {
         let (code, out, err) = ostra(data.path(), Some(&needs.runtime), args);

@@ -27,6 +27,7 @@ pub struct ExportForm {
     mask_format: MaskFormat,
     mesh_format: MeshFormat,
     voxel_format: VoxelFormat,
+    solid: bool,
     /// Of the mesh's triangles, percent.
     kept: u32,
 }
@@ -48,6 +49,7 @@ impl Default for ExportForm {
             mask_format: MaskFormat::default(),
             mesh_format: MeshFormat::default(),
             voxel_format: VoxelFormat::default(),
+            solid: false,
             kept: 100,
         }
     }
@@ -86,6 +88,7 @@ impl ExportForm {
             mask_format: (self.masks && has.masks).then(|| mask_format_name(self.mask_format).into()),
             cameras: path(self.cameras, has.cameras, "sparse"),
             depths: path(self.depths, has.depths, "depths"),
+            solid: self.solid && self.voxels && has.surface,
             traits: path(self.traits, has.cloud, "traits.csv"),
             level: (self.level > 0).then_some(self.level),
             twin: self.twin,
@@ -180,6 +183,8 @@ fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
     ui.horizontal(|ui| {
         ui.label("Voxels as");
         format_ui(ui, "Voxel format", &mut form.voxel_format, VoxelFormat::ALL, VoxelFormat::ending);
+        ui.checkbox(&mut form.solid, "solid")
+            .on_hover_text("Fills voxels with what they enclose and no view saw empty");
     });
     ui.horizontal(|ui| {
         ui.label("Label level");

@@ -18,8 +18,8 @@ use crate::session::{ExportRequest, JobId, Project, ResultKind, Session};
 
 /// What an export reads: snapshots.
 pub(super) struct Sources {
-    project: Arc<Project>,
-    store: Arc<FrameStore>,
+    pub(super) project: Arc<Project>,
+    pub(super) store: Arc<FrameStore>,
     /// The labelled cloud in memory, or where it lies.
     cloud: Option<Arc<LabelledCloud>>,
     cloud_file: Option<PathBuf>,

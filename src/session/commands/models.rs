@@ -5,8 +5,9 @@ use anyhow::{Context, Result};
 use super::export::Sources;
 use crate::engine::job::Progress;
 use crate::scene::formats::{MeshFormat, VoxelFormat};
+use crate::scene::fuse::ProjectViews;
 use crate::scene::ply::{Coloring, label_paths, read_mesh, save_per_label, twin_path};
-use crate::scene::{LabelledCloud, LabelledMesh, SceneError, voxelize};
+use crate::scene::{LabelledCloud, LabelledMesh, SceneError, fill_interior, voxelize};
 use crate::session::ExportRequest;
 
 /// Writes the surface that was made with the cloud, under the label names of today: every triangle in one label. Returns
@@ -65,9 +66,14 @@ pub(super) fn write_voxels(
     progress: &Progress,
 ) -> Result<()> {
     let format = VoxelFormat::of(path)?;
-    let (_, voxel) = sources.surface.as_ref().context("the cloud has no surface")?;
+    let (mesh, voxel) = sources.surface.as_ref().context("the cloud has no surface")?;
     progress.stage("write voxels")?;
-    let voxels = voxelize(cloud, sources.votes()?.as_ref(), *voxel)?;
+    let mut voxels = voxelize(cloud, sources.votes()?.as_ref(), *voxel)?;
+    if request.solid {
+        let surface = read_mesh(mesh, progress).context("the project's mesh is gone; fuse again")?;
+        let views = ProjectViews { frames: &sources.project.frames, store: &sources.store, masks: &|_| None };
+        voxels = fill_interior(&voxels, *voxel, &surface, &views, progress)?;
+    }
     let request = ExportRequest { twin: request.twin && format.has_twin(), ..request.clone() };
     let save = |path: &Path, voxels: &LabelledCloud, coloring| format.save(path, voxels, *voxel, coloring, progress);
     write_points(path, &voxels, &request, save)
