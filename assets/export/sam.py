@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
 """Segment Anything as the two ONNX files that `ostra models add sam-vit-b ENCODER DECODER` takes.
 
-    pip install torch onnx onnxscript
-    python3 assets/export/sam.py sam_vit_b_01ec64.pth OUT        writes OUT/sam-vit-b-encoder.onnx, OUT/sam-vit-b-decoder.onnx
+    pip install torch onnx
+    python3 assets/export/sam.py sam_vit_b_01ec64.pth OUT            OUT/sam-vit-b-encoder.onnx, OUT/sam-vit-b-decoder.onnx
+    python3 assets/export/sam.py mobile_sam.pt OUT --size mobile     OUT/mobile-sam-encoder.onnx, OUT/mobile-sam-decoder.onnx
 
-The checkpoint is the official one of https://github.com/facebookresearch/segment-anything. Parameters are named here as
-they are there, and every one must be there.
+The checkpoints are the official ones of https://github.com/facebookresearch/segment-anything and
+https://github.com/ChaoningZhang/MobileSAM. Parameters are named here as they are there, and every one must be there.
 
-    --size tiny|vit-b    the widths of the network (default vit-b); tiny is for tests
-    --random SEED        random weights in place of a checkpoint, for timing
-    --parameters         only prints the name and shape of every parameter
+    --size vit-b|mobile|tiny    which network; tiny is for tests
+    --random SEED               random weights in place of a checkpoint, for timing
+    --parameters                only prints the name and shape of every parameter
 
 Kirillov et al.: "Segment Anything", ICCV 2023; the picture encoder is that of Li, Mao, Girshick, He: "Exploring Plain
 Vision Transformer Backbones for Object Detection", ECCV 2022.
@@ -24,6 +25,7 @@ from pathlib import Path
 
 import torch
 import torch.nn.functional as F
+from tiny_vit import WIDTHS, TinyVit
 from torch import nn
 
 PATCH = 16
@@ -37,15 +39,16 @@ MASK_CHANNELS = 16
 class Size:
     """Widths of a network."""
 
+    name: str  # of the files
     side: int  # pixels of the square that the encoder sees
-    width: int
-    depth: int
-    heads: int
-    whole: tuple[int, ...]  # blocks that attend to the whole picture; the others to windows
-    window: int  # cells
     channels: int  # of the embedding
     mlp: int  # of the decoder
     score: int  # of the head that predicts the IoU
+    width: int = 0  # of the encoder; 0 for that of MobileSAM
+    depth: int = 0
+    heads: int = 0
+    whole: tuple[int, ...] = ()  # blocks that attend to the whole picture; the others to windows
+    window: int = 0  # cells
 
     @property
     def cells(self):
@@ -53,8 +56,9 @@ class Size:
 
 
 SIZES = {
-    "vit-b": Size(1024, 768, 12, 12, (2, 5, 8, 11), 14, 256, 2048, 256),
-    "tiny": Size(256, 32, 2, 2, (1,), 14, 32, 64, 32),
+    "vit-b": Size("sam-vit-b", 1024, 256, 2048, 256, width=768, depth=12, heads=12, whole=(2, 5, 8, 11), window=14),
+    "mobile": Size("mobile-sam", 1024, 256, 2048, 256),
+    "tiny": Size("sam-tiny", 256, 32, 64, 32, width=32, depth=2, heads=2, whole=(1,), window=14),
 }
 
 
@@ -148,6 +152,15 @@ class PatchEmbed(nn.Module):
         return self.proj(x).permute(0, 2, 3, 1)
 
 
+def neck(width, channels):
+    return nn.Sequential(
+        nn.Conv2d(width, channels, 1, bias=False),
+        ChannelNorm(channels),
+        nn.Conv2d(channels, channels, 3, padding=1, bias=False),
+        ChannelNorm(channels),
+    )
+
+
 class ImageEncoder(nn.Module):
     """A picture [1, 3, side, side] to its embedding [1, channels, cells, cells]."""
 
@@ -156,12 +169,7 @@ class ImageEncoder(nn.Module):
         self.patch_embed = PatchEmbed(size.width)
         self.pos_embed = nn.Parameter(torch.zeros(1, size.cells, size.cells, size.width))
         self.blocks = nn.ModuleList(EncoderBlock(size, at in size.whole) for at in range(size.depth))
-        self.neck = nn.Sequential(
-            nn.Conv2d(size.width, size.channels, 1, bias=False),
-            ChannelNorm(size.channels),
-            nn.Conv2d(size.channels, size.channels, 3, padding=1, bias=False),
-            ChannelNorm(size.channels),
-        )
+        self.neck = neck(size.width, size.channels)
 
     def forward(self, image):
         x = self.patch_embed(image) + self.pos_embed
@@ -327,7 +335,7 @@ class MaskDecoder(nn.Module):
 class Sam(nn.Module):
     def __init__(self, size):
         super().__init__()
-        self.image_encoder = ImageEncoder(size)
+        self.image_encoder = ImageEncoder(size) if size.width else TinyVit(neck(WIDTHS[-1], size.channels))
         self.prompt_encoder = PromptEncoder(size)
         self.mask_decoder = MaskDecoder(size)
 
@@ -358,18 +366,20 @@ def randomise(model, seed):
     """Weights with which every part has a say in the answer."""
     draw = torch.Generator().manual_seed(seed)
     for name, value in model.state_dict().items():
+        if not value.is_floating_point():
+            continue  # how many batches a norm saw
         drawn = torch.randn(value.shape, generator=draw)
         if value.ndim == 1:
             # Those of norms lie around one, offsets around nothing.
-            drawn = drawn * 0.1 + name.endswith("weight")
+            drawn = drawn * 0.1 + name.endswith(("weight", "running_var"))
         elif value.shape[0] > 4 or value.ndim == 4 and value.shape[0] > 1:
             drawn = drawn * value[0].numel() ** -0.5
         value.copy_(drawn)
 
 
-def export(model, size, name, folder):
+def export(model, size, folder):
     """Writes both files and gives their paths."""
-    encoder, decoder = (folder / f"{name}-{part}.onnx" for part in ("encoder", "decoder"))
+    encoder, decoder = (folder / f"{size.name}-{part}.onnx" for part in ("encoder", "decoder"))
     image = torch.zeros(1, 3, size.side, size.side)
     write(model.image_encoder, (image,), encoder, ["image"], ["image_embeddings"], {})
     fine = 4 * size.cells
@@ -429,7 +439,7 @@ def main():
             sys.exit(f"{asked.checkpoint}: {error}")
     asked.out.mkdir(parents=True, exist_ok=True)
     with torch.no_grad():
-        for path in export(model, size, f"sam-{asked.size}", asked.out):
+        for path in export(model, size, asked.out):
             print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
 
 

@@ -199,7 +199,7 @@ def tie(model):
     shared.copy_(model.shared_image_embedding.positional_embedding)
 
 
-def write(out, size_name, shown, given):
+def write(out, name, shown, given):
     """`reference.json` tells where in `reference.bin`, little-endian 32-bit floats, each tensor begins."""
     values, frames = [], []
 
@@ -209,32 +209,32 @@ def write(out, size_name, shown, given):
         return {"start": start, "shape": list(tensor.shape)}
 
     for at, (picture, (asked, answers)) in enumerate(zip(shown, given)):
-        name = f"frame-{at}.png"
-        picture.save(out / name, optimize=True)
+        file = f"frame-{at}.png"
+        picture.save(out / file, optimize=True)
         cases = [answer | {"low": put(answer["low"])} for answer in answers]
         for case in cases:
             # One at the size of the picture: the others are enlarged in the same way.
             case["logits"] = put(case["logits"]) if case is cases[0] else None
-        frames.append({"picture": name, "embedding": put(asked.embedding[0]), "cases": cases})
+        frames.append({"picture": file, "embedding": put(asked.embedding[0]), "cases": cases})
     np.concatenate(values).tofile(out / "reference.bin")
-    told = {"encoder": f"sam-{size_name}-encoder.onnx", "decoder": f"sam-{size_name}-decoder.onnx", "frames": frames}
+    told = {"encoder": f"{name}-encoder.onnx", "decoder": f"{name}-decoder.onnx", "frames": frames}
     (out / "reference.json").write_text(json.dumps(told, indent=1) + "\n")
 
 
 def check_names():
-    """Our names and shapes are those of the official checkpoint, which `load_state_dict` asks for one by one."""
-    with torch.device("meta"):
-        state = exporter.Sam(exporter.SIZES["vit-b"]).state_dict()
-    ours = "".join(f"{name} {' '.join(map(str, value.shape))}\n" for name, value in state.items())
-    theirs = (ROOT / "tests" / "parity" / "sam_vit_b_01ec64.txt").read_text()
-    if sorted(ours.splitlines()) != sorted(theirs.splitlines()):
-        sys.exit("assets/export/sam.py: parameters differ from those of sam_vit_b_01ec64 (tests/parity)")
+    """Our names and shapes are those of the official checkpoints, which `load_state_dict` asks for one by one."""
+    for size, checkpoint in (("vit-b", "sam_vit_b_01ec64"), ("mobile", "mobile_sam")):
+        with torch.device("meta"):
+            state = exporter.Sam(exporter.SIZES[size]).state_dict()
+        ours = sorted(" ".join([name, *map(str, value.shape)]) for name, value in state.items())
+        if ours != sorted((ROOT / "tests" / "parity" / f"{checkpoint}.txt").read_text().splitlines()):
+            sys.exit(f"assets/export/sam.py: parameters differ from those of {checkpoint} (tests/parity)")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
-    parser.add_argument("--size", choices=exporter.SIZES, default="tiny")
+    parser.add_argument("--size", choices=["tiny", "vit-b"], default="tiny")
     parser.add_argument("--frames", type=Path)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--fault", choices=["bgr", "shift"])
@@ -248,7 +248,7 @@ def main():
     shown = list(pictures(asked.frames))
     with torch.no_grad():
         model, given = build(size, asked.seed, processor, shown, asked.fault)
-        write(asked.out, asked.size, shown, given)
+        write(asked.out, size.name, shown, given)
     for of, answers in given:
         print(f"{of.size}: masks cover", ", ".join(f"{answer['covers']:.1%}" for answer in answers))
     checkpoint = asked.out / "checkpoint.pth"
