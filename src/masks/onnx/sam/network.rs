@@ -11,7 +11,7 @@ use crate::engine::job::{Progress, Stopped};
 use crate::engine::nn::{Network, NnError, Signature, Tensor, load};
 use crate::frames::{DepthMap, Image};
 use crate::masks::onnx::resize::resized;
-use crate::masks::{MaskError, PreparedFrame, Segmenter};
+use crate::masks::{MaskError, PreparedFrame, Prompt, Segmenter};
 
 /// Segment Anything in two networks: one embeds a picture (seconds), one answers prompts (a tenth of a second).
 #[derive(Debug)]
@@ -86,6 +86,16 @@ impl Sam {
         };
         progress.step(2, 2)?;
         Ok(Embedding { width, height, part, channels, cells, values: embedding.as_floats().to_vec() })
+    }
+
+    /// A frame that sees the surroundings of a prompt only, finer than the whole picture shows them: for stems and wires.
+    /// It costs a run of the encoder. `None` where it would show no more than the whole picture does.
+    ///
+    /// # Errors
+    /// As [`Self::embed`].
+    pub fn close_up(&self, image: &Image, prompt: &Prompt, progress: &Progress) -> Result<Option<SamFrame>, MaskError> {
+        let part = Part::around(prompt, image.width, image.height, self.side());
+        part.map(|part| self.frame(&self.embed(image, part, progress)?)).transpose()
     }
 
     /// A frame that answers prompts, from an embedding that these networks made.

@@ -106,7 +106,11 @@ impl<'a> Objects<'a> {
         let object = &mut self.objects[at];
         object.told.push(*click);
         object.answer = self.frame.ask(&object.told, object.within.as_ref(), Some(&object.answer))?;
-        object.given = None;
+        if let Some(mut given) = object.given.take() {
+            // What lies beside the part that the network sees is not its to judge.
+            given.subtract(&self.frame.part().region(given.width, given.height));
+            self.kept.unite(&given);
+        }
         Ok(())
     }
 

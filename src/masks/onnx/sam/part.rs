@@ -1,6 +1,6 @@
 use glam::DVec2;
 
-use crate::masks::{Prompt, PxBox};
+use crate::masks::{Prompt, PxBox, Region};
 
 /// The part of a picture that the network looks at, in whole pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,6 +66,14 @@ impl Part {
         at.x >= 0.0 && at.y >= 0.0 && at.x < f64::from(self.width) && at.y < f64::from(self.height)
     }
 
+    /// Its pixels in a picture.
+    pub(super) fn region(&self, width: u32, height: u32) -> Region {
+        let mut region = Region::empty(width, height);
+        let rows = region.inside.chunks_exact_mut(width as usize).skip(self.y as usize).take(self.height as usize);
+        rows.for_each(|row| row[self.x as usize..][..self.width as usize].fill(true));
+        region
+    }
+
     /// Columns and rows that it takes of the network's square of `side` pixels.
     pub(super) fn shown(&self, side: usize) -> (usize, usize) {
         let scale = side as f64 / f64::from(self.width.max(self.height));
@@ -78,9 +86,11 @@ impl Part {
         self.told(at_px - 0.5, side)
     }
 
-    /// Where the corners of a box are told: the middles of its first and of its last pixel.
-    pub(super) fn told_box(&self, part: &PxBox, side: usize) -> [[f32; 2]; 2] {
-        [self.told(part.min_px, side), self.told(part.max_px - 1.0, side)]
+    /// Where the corners of a box, cut to the part, are told: the middles of its first and of its last pixel.
+    pub(super) fn told_box(&self, within: &PxBox, side: usize) -> [[f32; 2]; 2] {
+        let end = self.origin() + DVec2::new(self.width.into(), self.height.into());
+        let cut = |corner: DVec2| corner.clamp(self.origin(), end);
+        [self.told(cut(within.min_px), side), self.told(cut(within.max_px) - 1.0, side)]
     }
 
     fn told(&self, index_px: DVec2, side: usize) -> [f32; 2] {

@@ -164,6 +164,17 @@ fn close_up_shows_its_part_only() {
     let prompt = Prompt { clicks: vec![IN_GREEN], boxes: Vec::new() };
     let error = close.segment(&SegmentRequest { prompt: &prompt, previous: None, taken: None }).unwrap_err();
     assert!(error.to_string().contains("128×128 pixels from 16, 16"), "{error}");
+    let box_beyond = answer(&close, &[], &[PxBox { min_px: DVec2::ZERO, max_px: DVec2::new(100.0, 112.0) }], None);
+    assert!(alike(&box_beyond, &thing(RED)), "of a box only what is seen is told: {}", box_beyond.iou(&thing(RED)));
+    // A painted strip that begins outside: what the click refines inside leaves the rest alone.
+    let strip = thing([0, 60, 80, 70]);
+    let refined = answer(&close, &[click(50.5, 40.5, true)], &[], Some(&strip));
+    let mut expected = thing(RED);
+    expected.unite(&thing([0, 60, 32, 70]));
+    assert!(refined.at(2, 62) && alike(&refined, &expected), "{}", refined.iou(&expected));
+    let asked = Prompt { clicks: vec![IN_RED], boxes: Vec::new() };
+    let close = sam.close_up(&picture(), &asked, &Progress::default()).unwrap().unwrap();
+    assert_eq!(close.part(), Part { x: 19, y: 29, width: 64, height: 64 });
     let far = PxBox { min_px: DVec2::ZERO, max_px: DVec2::new(250.0, 20.0) };
     assert_eq!(Part::around(&Prompt { clicks: Vec::new(), boxes: vec![far] }, WIDTH, HEIGHT, 256), None);
     assert_eq!(Part::around(&Prompt::default(), WIDTH, HEIGHT, 256), None);
