@@ -157,7 +157,7 @@ fn corner(number: i32) -> IVec3 {
 /// The number of the block after the first that a place from the first's first voxel lies in, and its voxel there.
 fn split(place: IVec3) -> (usize, usize) {
     let [x, y, z] = place.to_array().map(|along| along as usize);
-    (x / EDGE | (y / EDGE) << 1 | (z / EDGE) << 2, voxel_at(x % EDGE, y % EDGE, z % EDGE))
+    ((x / EDGE) | ((y / EDGE) << 1) | ((z / EDGE) << 2), voxel_at(x % EDGE, y % EDGE, z % EDGE))
 }
 
 fn place_of(voxel: usize) -> IVec3 {

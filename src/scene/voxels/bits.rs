@@ -12,11 +12,6 @@ impl Bits {
         (words.checked_mul(8)? <= most_bytes).then(|| Self { size, words: vec![0; words] })
     }
 
-    /// Takes all cells out.
-    pub(super) fn clear(&mut self) {
-        self.words.fill(0);
-    }
-
     fn words_a_row(&self) -> usize {
         self.size[0].div_ceil(64)
     }
@@ -45,14 +40,31 @@ impl Bits {
         })
     }
 
-    /// The cells of a word that neither this set nor another of the same box has.
-    pub(super) fn in_neither(&self, other: &Self, word: usize) -> u64 {
-        self.within(word) & !self.words[word] & !other.words[word]
+    /// The cells of a word that the set has.
+    pub(super) fn bits(&self, word: usize) -> u64 {
+        self.words[word]
     }
 
-    /// The words with a cell that neither this set nor another of the same box has.
-    pub(super) fn words_in_neither(&self, other: &Self) -> Vec<usize> {
-        (0..self.words.len()).filter(|&word| self.in_neither(other, word) != 0).collect()
+    /// The words with a cell of the set.
+    pub(super) fn words(&self) -> Vec<usize> {
+        (0..self.words.len()).filter(|&word| self.words[word] != 0).collect()
+    }
+
+    /// Moves cells of a word to another set of the same box.
+    pub(super) fn shift(&mut self, word: usize, bits: u64, to: &mut Self) {
+        to.words[word] |= self.words[word] & bits;
+        self.words[word] &= !bits;
+    }
+
+    /// No cell of the same box.
+    pub(super) fn none(&self) -> Self {
+        Self { size: self.size, words: vec![0; self.words.len()] }
+    }
+
+    /// All cells of the box that are not in this set.
+    pub(super) fn others(&self) -> Self {
+        let words = (0..self.words.len()).map(|word| self.within(word) & !self.words[word]).collect();
+        Self { size: self.size, words }
     }
 
     /// The bits of a word that are cells of the box.
@@ -61,60 +73,91 @@ impl Bits {
         if left < 64 { (1 << left) - 1 } else { u64::MAX }
     }
 
-    /// Adds to this set the cells given, by word, and all that can be reached from them over faces of cells outside `walls`.
-    pub(super) fn flood(&mut self, walls: &Self, from: impl IntoIterator<Item = (usize, u64)>) {
-        let mut entered: Vec<(usize, u64)> = from.into_iter().collect();
-        let row = self.words_a_row();
-        let layer = row * self.size[1];
-        while let Some((word, bits)) = entered.pop() {
-            let open = self.within(word) & !walls.words[word];
-            let new = spread(bits & open, open) & !self.words[word];
-            if new == 0 {
-                continue;
-            }
-            self.words[word] |= new;
-            let (x, y) = (word % row, word / row % self.size[1]);
-            let mut enter = |next: usize, bits: u64| {
-                let bits = bits & !self.words[next] & !walls.words[next];
-                if bits != 0 {
-                    entered.push((next, bits));
+    /// Takes out the cells from which two or more of the six ways along the axes lead elsewhere than, through cells of the
+    /// set alone, to a wall; until there are none.
+    pub(super) fn keep_enclosed(&mut self, walls: &Self) {
+        loop {
+            let (mut once, mut twice) = (vec![0; self.words.len()], vec![0; self.words.len()]);
+            for axis in 0..3 {
+                for closed in [self.closed_before(axis, walls), self.closed_after(axis, walls)] {
+                    for (word, closed) in closed.into_iter().enumerate() {
+                        let open = self.words[word] & !closed;
+                        twice[word] |= once[word] & open;
+                        once[word] |= open;
+                    }
                 }
-            };
-            if x > 0 {
-                enter(word - 1, new << 63);
             }
-            if x + 1 < row {
-                enter(word + 1, new >> 63);
+            if twice.iter().all(|&bits| bits == 0) {
+                return;
             }
-            if y > 0 {
-                enter(word - row, new);
-            }
-            if y + 1 < self.size[1] {
-                enter(word + row, new);
-            }
-            if word >= layer {
-                enter(word - layer, new);
-            }
-            if word + layer < self.words.len() {
-                enter(word + layer, new);
-            }
+            self.words.iter_mut().zip(twice).for_each(|(word, open)| *word &= !open);
         }
+    }
+
+    /// The cells of the set from which the way down an axis leads through the set to a wall.
+    fn closed_before(&self, axis: usize, walls: &Self) -> Vec<u64> {
+        let mut closed = vec![0; self.words.len()];
+        for word in 0..closed.len() {
+            let before = self.next_before(axis, word).map_or(0, |before| walls.words[before] | closed[before]);
+            closed[word] = match axis {
+                0 => spread_up(self.words[word] & (walls.words[word] << 1 | before >> 63), self.words[word]),
+                _ => self.words[word] & before,
+            };
+        }
+        closed
+    }
+
+    /// The cells of the set from which the way up an axis leads through the set to a wall.
+    fn closed_after(&self, axis: usize, walls: &Self) -> Vec<u64> {
+        let mut closed = vec![0; self.words.len()];
+        for word in (0..closed.len()).rev() {
+            let after = self.next_after(axis, word).map_or(0, |after| walls.words[after] | closed[after]);
+            closed[word] = match axis {
+                0 => spread_down(self.words[word] & (walls.words[word] >> 1 | after << 63), self.words[word]),
+                _ => self.words[word] & after,
+            };
+        }
+        closed
+    }
+
+    /// The word's place along an axis, and how many words lie between it and the next.
+    fn place(&self, axis: usize, word: usize) -> (usize, usize) {
+        let row = self.words_a_row();
+        match axis {
+            0 => (word % row, 1),
+            1 => (word / row % self.size[1], row),
+            _ => (word / row / self.size[1], row * self.size[1]),
+        }
+    }
+
+    fn next_before(&self, axis: usize, word: usize) -> Option<usize> {
+        let (at, step) = self.place(axis, word);
+        (at > 0).then(|| word - step)
+    }
+
+    fn next_after(&self, axis: usize, word: usize) -> Option<usize> {
+        let (at, step) = self.place(axis, word);
+        let count = if axis == 0 { self.words_a_row() } else { self.size[axis] };
+        (at + 1 < count).then_some(word + step)
     }
 }
 
-/// All bits of `open` in one run with a bit of `from`, which is part of it.
-fn spread(from: u64, open: u64) -> u64 {
-    let (mut up, mut room) = (from, open);
+/// The bits `from`, and all higher ones that follow them without a gap in `room`.
+fn spread_up(mut from: u64, mut room: u64) -> u64 {
     for step in [1, 2, 4, 8, 16, 32] {
-        up |= room & (up << step);
+        from |= room & (from << step);
         room &= room << step;
     }
-    let (mut all, mut room) = (up, open);
+    from
+}
+
+/// The bits `from`, and all lower ones that follow them without a gap in `room`.
+fn spread_down(mut from: u64, mut room: u64) -> u64 {
     for step in [1, 2, 4, 8, 16, 32] {
-        all |= room & (all >> step);
+        from |= room & (from >> step);
         room &= room >> step;
     }
-    all
+    from
 }
 
 #[cfg(test)]
@@ -122,34 +165,43 @@ mod tests {
     use super::*;
 
     #[test]
-    fn runs_are_filled_from_any_bit() {
-        let open = 0b0111_0110_1110_u64 | 0xff << 50;
-        assert_eq!(spread(0b0000_0100_0000, open), 0b0000_0110_0000);
-        assert_eq!(spread(1 << 57 | 1 << 1, open), 0xff << 50 | 0b1110);
-        assert_eq!(spread(1 << 63, u64::MAX), u64::MAX);
-        assert_eq!(spread(0, u64::MAX), 0);
+    fn runs_are_filled_one_way() {
+        let room = 0b0111_0110_1110_u64 | 0xff << 50;
+        assert_eq!(spread_up(0b0000_0010_0000, room), 0b0000_0110_0000);
+        assert_eq!(spread_down(1 << 57 | 1 << 2, room), 0xff << 50 | 0b0110);
+        assert_eq!(spread_up(1, u64::MAX), u64::MAX);
+        assert_eq!(spread_down(1 << 63, u64::MAX), u64::MAX);
+    }
+
+    /// A hollow block over several words, from 2 to 99 along x and 2 to 9 along y and z, with walls on some sides.
+    fn kept(sides: &[usize]) -> u32 {
+        let size = [102, 12, 12];
+        let mut walls = Bits::new(size, usize::MAX).unwrap();
+        for z in 1..=10 {
+            for y in 1..=10 {
+                for x in 1..=100 {
+                    let on = [x == 1, x == 100, y == 1, y == 10, z == 1, z == 10];
+                    if sides.iter().any(|&side| on[side]) {
+                        walls.set([x, y, z]);
+                    }
+                }
+            }
+        }
+        let mut enclosed = walls.others();
+        enclosed.keep_enclosed(&walls);
+        enclosed.words.iter().map(|word| word.count_ones()).sum()
     }
 
     #[test]
-    fn a_flood_goes_round_walls_but_not_through_their_edges() {
-        // A diagonal wall of cells that touch by their edges only, over several words, with a way round at one end.
-        let size = [150, 150, 2];
-        let mut walls = Bits::new(size, usize::MAX).unwrap();
-        for at in 0..150 {
-            (0..2).for_each(|z| walls.set([at, at, z]));
+    fn what_is_walled_on_five_sides_is_enclosed() {
+        let inner = 98 * 8 * 8;
+        assert_eq!(kept(&[0, 1, 2, 3, 4, 5]), inner);
+        for open in 0..6 {
+            let sides: Vec<usize> = (0..6).filter(|&side| side != open).collect();
+            assert!(kept(&sides) >= inner, "side {open}");
         }
-        let flooded = |walls: &Bits| {
-            let mut reached = Bits::new(size, usize::MAX).unwrap();
-            reached.flood(walls, [(0, 2)]);
-            reached
-        };
-        let closed = flooded(&walls);
-        assert!(closed.is_set([149, 0, 1]) && closed.is_set([2, 1, 0]));
-        assert!(!closed.is_set([0, 149, 1]) && !closed.is_set([77, 77, 0]));
-        let hole = walls.word_of([149, 149, 1]);
-        walls.words[hole] = 0;
-        let open = flooded(&walls);
-        assert!(open.is_set([0, 149, 1]) && open.is_set([0, 149, 0]) && !open.is_set([149, 149, 0]));
+        assert_eq!(kept(&[0, 2, 4, 5]), 0);
+        assert_eq!(kept(&[0, 1, 2]), 0);
     }
 
     #[test]

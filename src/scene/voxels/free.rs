@@ -14,16 +14,21 @@ const CLEARLY_BEYOND: f64 = 2.0;
 /// Half a cell's diagonal, in edges.
 const HALF_DIAGONAL: f64 = 0.87;
 
-/// The cells from which nothing but empty space lies between them and the outside, or a place that some view saw empty:
-/// what is neither in the walls nor in this is inside. Only cells that are not yet reached are looked at in each view.
+/// Cells that may be inside, and those that were thought so until some view saw them empty.
+pub(super) struct Carved {
+    pub(super) enclosed: Bits,
+    pub(super) free: Bits,
+}
+
+/// The cells that walls enclose on five sides or more and that no view saw empty.
 ///
 /// # Errors
 /// What reading a depth says; [`SceneError::Request`] for one of another size than its frame; [`SceneError::Stopped`].
-pub(super) fn reachable(walls: &Walls, views: &dyn Views, progress: &Progress) -> Result<Bits, SceneError> {
-    let mut reached = walls.cells.clone();
-    reached.clear();
-    reached.flood(&walls.cells, [(0, 1)]);
-    let mut open = walls.cells.words_in_neither(&reached);
+pub(super) fn carve(walls: &Walls, views: &dyn Views, progress: &Progress) -> Result<Carved, SceneError> {
+    let mut enclosed = walls.cells.others();
+    enclosed.keep_enclosed(&walls.cells);
+    let mut free = walls.cells.none();
+    let mut open = enclosed.words();
     let frames = views.frames();
     for (index, frame) in frames.iter().enumerate() {
         progress.step(index, frames.len())?;
@@ -40,15 +45,15 @@ pub(super) fn reachable(walls: &Walls, views: &dyn Views, progress: &Progress) -
         }
         let view = View { camera, pose, depth: &depth, voxel: walls.voxel };
         let seen_free = |&word: &usize| {
-            let cells = walls.cells.cells(word, walls.cells.in_neither(&reached, word));
-            let free = cells.filter(|&cell| view.is_free(walls.middle(cell)));
-            (word, free.fold(0u64, |bits, [x, ..]| bits | 1 << (x % 64)))
+            let cells = enclosed.cells(word, enclosed.bits(word)).filter(|&cell| view.is_free(walls.middle(cell)));
+            (word, cells.fold(0u64, |bits, [x, ..]| bits | 1 << (x % 64)))
         };
-        let free: Vec<(usize, u64)> = open.par_iter().map(seen_free).filter(|&(_, bits)| bits != 0).collect();
-        reached.flood(&walls.cells, free);
-        open.retain(|&word| walls.cells.in_neither(&reached, word) != 0);
+        let seen: Vec<(usize, u64)> = open.par_iter().map(seen_free).filter(|&(_, bits)| bits != 0).collect();
+        seen.into_iter().for_each(|(word, bits)| enclosed.shift(word, bits, &mut free));
+        open.retain(|&word| enclosed.bits(word) != 0);
     }
-    Ok(reached)
+    enclosed.keep_enclosed(&walls.cells);
+    Ok(Carved { enclosed, free })
 }
 
 struct View<'a> {

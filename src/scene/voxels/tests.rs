@@ -1,3 +1,4 @@
+use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
 use glam::{DMat3, DVec2, DVec3, Vec3};
@@ -103,7 +104,7 @@ impl Made {
     fn cube(without: &[usize]) -> Self {
         let side = |side: usize| {
             let (mut from, mut to) = (DVec3::NEG_ONE, DVec3::ONE);
-            let along = if side % 2 == 0 { -1.0 } else { 1.0 };
+            let along = if side.is_multiple_of(2) { -1.0 } else { 1.0 };
             (from[side / 2], to[side / 2]) = (along, along);
             Shape::Sheet { axis: side / 2, from, to }
         };
@@ -197,25 +198,61 @@ fn a_closed_box_is_filled_unless_someone_looked_inside() {
 }
 
 #[test]
+fn a_box_on_the_ground_is_filled_though_nobody_saw_its_bottom() {
+    let made =
+        Made::cube(&[2]).seen(DVec3::new(2.0, 3.0, 1.0), DVec3::ZERO).seen(DVec3::new(-2.0, 3.0, -1.0), DVec3::ZERO);
+    let inner = (2.0 / VOXEL - 1.0).powi(2) as usize * (2.0 / VOXEL) as usize;
+    assert_eq!(made.added(), inner);
+}
+
+#[test]
+fn space_under_a_table_is_not_filled() {
+    // A top, two legs as wide as it.
+    let made = Made::cube(&[1, 2, 4, 5]).seen(DVec3::new(0.1, 4.0, 0.2), DVec3::ZERO);
+    assert_eq!(made.added(), 0);
+}
+
+#[test]
 fn what_a_wall_hides_is_not_filled() {
     // A floor, a wall across it and a side wall: none closes.
     let made = Made::cube(&[1, 3, 5]).seen(DVec3::new(0.5, 0.5, -4.0), DVec3::ZERO);
     assert_eq!(made.added(), 0);
 }
 
+/// The ball of radius 1 as triangles.
+fn ball_mesh() -> LabelledMesh {
+    let (rings, spokes) = (40u32, 80u32);
+    let at = |ring: u32, spoke: u32| {
+        let (tilt, turn) = (ring as f32 / rings as f32 * PI, spoke as f32 / spokes as f32 * TAU);
+        Vec3::new(tilt.sin() * turn.cos(), tilt.sin() * turn.sin(), tilt.cos())
+    };
+    let vertices = (0..=rings).flat_map(|ring| (0..=spokes).map(move |spoke| at(ring, spoke))).collect();
+    let square =
+        |first: u32| [[first, first + 1, first + spokes + 1], [first + 1, first + spokes + 2, first + spokes + 1]];
+    let triangles = (0..rings).flat_map(|ring| (0..spokes).flat_map(move |spoke| square(ring * (spokes + 1) + spoke)));
+    LabelledMesh { vertices: LabelledCloud::from_positions(vertices), triangles: triangles.collect() }
+}
+
 #[test]
-fn a_gap_between_voxels_is_closed_by_the_mesh() {
+fn gaps_between_voxels_are_closed_by_the_mesh() {
+    let made = Made::new(vec![Shape::Ball { radius: 1.0 }]).seen_from_all_sides();
+    let voxels = made.voxels();
+    let whole = made.filled(&voxels, &LabelledMesh::default()).len();
+    let some = voxels.select(&(0..voxels.len() as u32).step_by(3).collect::<Vec<_>>());
+    let leaky = made.filled(&some, &LabelledMesh::default()).len();
+    let closed = made.filled(&some, &ball_mesh()).len();
+    assert!(leaky * 10 < whole && closed * 100 > whole * 99, "{leaky} and {closed} of {whole}");
+}
+
+#[test]
+fn a_hole_costs_only_what_lies_behind_it() {
     let made = Made::new(vec![Shape::Ball { radius: 1.0 }]).seen_from_all_sides();
     let voxels = made.voxels();
     let is_kept = |at: &u32| voxels.positions[*at as usize].distance(Vec3::X) > 0.2;
-    let kept: Vec<u32> = (0..voxels.len() as u32).filter(is_kept).collect();
-    let leaky = voxels.select(&kept);
-    assert_eq!(made.filled(&leaky, &LabelledMesh::default()), leaky);
-    let corners = [[0.985, -0.4, -0.4], [0.985, 0.4, -0.4], [0.985, 0.0, 0.4]].map(Vec3::from_array);
-    let lid = LabelledMesh { vertices: LabelledCloud::from_positions(corners.to_vec()), triangles: vec![[0, 1, 2]] };
-    let closed = made.filled(&leaky, &lid);
-    let whole = made.filled(&voxels, &LabelledMesh::default());
-    assert!(closed.len() * 100 > whole.len() * 99, "{} of {}", closed.len(), whole.len());
+    let holed = voxels.select(&(0..voxels.len() as u32).filter(is_kept).collect::<Vec<_>>());
+    let whole = made.filled(&voxels, &LabelledMesh::default()).len();
+    let filled = made.filled(&holed, &LabelledMesh::default()).len();
+    assert!(filled * 100 > whole * 98, "{filled} of {whole}");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::bits::Bits;
 use crate::scene::{LabelledCloud, LabelledMesh, SceneError};
 
 /// Memory that each set of cells may take.
-const MOST_BYTES: usize = 512 << 20;
+const MOST_BYTES: usize = 128 << 20;
 /// Cells along an axis that a box can have.
 const REACH: f64 = (1 << 20) as f64;
 
@@ -35,7 +35,8 @@ impl Walls {
         let Some((least, most)) = places().map(|at| (at, at)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
             return Ok(None);
         };
-        if !(least.abs().max(most.abs()).max_element() < REACH) {
+        let farthest = least.abs().max(most.abs()).max_element();
+        if !farthest.is_finite() || farthest >= REACH {
             return Err(too_large());
         }
         let first = least.as_ivec3() - 1;
@@ -81,6 +82,17 @@ impl Walls {
     /// How much the number changes from a cell to the next along each axis.
     pub(super) fn steps(&self) -> [u64; 3] {
         [1, self.size[0] as u64, (self.size[0] * self.size[1]) as u64]
+    }
+
+    /// The numbers of the cells that share a face with one that is not at the box's border.
+    pub(super) fn around(&self, number: u64) -> impl Iterator<Item = u64> + use<> {
+        self.steps().into_iter().flat_map(move |step| [number - step, number + step])
+    }
+
+    /// The voxel that fills the cell with this number.
+    pub(super) fn voxel_at(&self, number: u64) -> Option<u32> {
+        let at = self.occupied.binary_search_by_key(&number, |&(number, _)| number).ok()?;
+        Some(self.occupied[at].1)
     }
 
     /// The middle of a cell in the world.
