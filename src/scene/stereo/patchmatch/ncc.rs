@@ -52,9 +52,9 @@ impl Transfer {
 /// `1 − NCC` between a patch and where its plane is seen in a source picture, 0–2 (bilateral weights as in J. Schönberger
 /// et al., *Pixelwise View Selection for Unstructured Multi-View Stereo*, ECCV 2016); [`WORST`] where the centre is not
 /// seen. A little noise is added to both variances, so that flat patches are like nothing; they are told by how far the
-/// centre's chroma is off, which does not change with the light, and counts the less the more texture a patch has. Where a
-/// patch without texture lies on a surface that is known from around, being like nothing is no reason for doubt; texture
-/// seen in its place is.
+/// centre's chroma is off, which does not change with the light, and counts the less the more texture a patch has. Where
+/// a patch without texture lies on a surface that is known from around, being like nothing is no reason for doubt;
+/// texture seen in its place is.
 #[inline(always)]
 pub fn cost<S: Simd>(
     simd: S,

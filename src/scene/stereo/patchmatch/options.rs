@@ -24,7 +24,7 @@ pub struct PatchMatchOptions {
     pub restarts: u32,
     /// Hypotheses that differ by less than this are compared once, 0–1 pixels.
     pub alike_px: f32,
-    /// Pixels around which grey (0–255) varies less than this are left out, 0–100.
+    /// Variance of grey (0–255) around a pixel below which it is left out unless it lies within a surface, 0–100.
     pub min_variance: f32,
     /// Cost of lying off the surface around, where a patch without texture lies within one, 0–1.
     pub prior_weight: f32,
@@ -45,7 +45,7 @@ impl Default for PatchMatchOptions {
             best_views: 3,
             restarts: 1,
             alike_px: 0.2,
-            min_variance: 0.5,
+            min_variance: 2.0,
             prior_weight: 0.6,
             seed: 0,
         }

@@ -8,7 +8,7 @@ use super::start::coarse_pixel;
 
 /// Planes that cost less are surfaces; what is only guessed costs more.
 const SURE: f32 = 0.45;
-/// Pixels of the coarser level to the nearest pixel that tells of a surface around: windows reach as far beyond its border.
+/// Pixels of the coarser level to the nearest that tells of a surface around: windows reach as far beyond its border.
 const NEAREST: isize = 3;
 /// Pixels of the coarser level to the farthest.
 const FARTHEST: isize = 32;
@@ -22,8 +22,8 @@ const LEAST_LINES: usize = 2;
 
 /// For each pixel of a level the plane that a coarser one tells of the surface around it, where it lies within one: what
 /// a patch without texture is pulled to (a planar prior, as in Q. Xu and W. Tao, *Planar Prior Assisted PatchMatch
-/// Multi-View Stereo*, AAAI 2020, through the nearest sure pixels on lines instead of the corners of triangles). A surface is
-/// never continued beyond its border. Empty where there is none at all.
+/// Multi-View Stereo*, AAAI 2020, through the nearest sure pixels on lines instead of the corners of triangles). A
+/// surface is never continued beyond its border. Empty where there is none at all.
 pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<Hint> {
     let tolerance = 2.0 * TOLERANCE_PX * level.step;
     let within = |at: usize| surface_around(coarser, (at % coarser.width, at / coarser.width), tolerance);

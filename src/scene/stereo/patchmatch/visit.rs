@@ -106,7 +106,8 @@ pub fn own_cost<S: Simd>(simd: S, level: &Level<'_>, own: Plane, (x, y): (usize,
     (seen + level.pulled(&patch, (own, x as f32, y as f32))).min(super::ncc::WORST)
 }
 
-/// Puts the planes of the best pixels around, and another view's, behind the pixel's own; planes that are nearly the same are counted.
+/// Puts the planes of the best pixels around, and one from elsewhere, behind the pixel's own; planes that are nearly the
+/// same are counted.
 #[inline(always)]
 fn gather(
     level: &Level<'_>,
