@@ -9,7 +9,7 @@ use crate::scene::stereo::StereoError;
 use crate::scene::stereo::patchmatch::{Field, Level, Passes, Turn};
 
 /// Pixels of a workgroup, to the right and down.
-const GROUP: u32 = 8;
+pub const GROUP: u32 = 8;
 
 /// The passes of one view on a graphics card.
 #[derive(Debug)]
