@@ -106,14 +106,14 @@ impl Shell {
         side_panel(Panel::right("work"), 262.0).show(ui, |ui| {
             scrolled(ui, "right", |ui| {
                 section(ui, "Track", true, |ui| track_ui(ui, look, view, wishes));
+                if !look.doubts.is_empty() {
+                    section(ui, "Doubt", true, |ui| doubt_ui(ui, look, view, wishes));
+                }
                 section(ui, "Suggestions", !look.suggestions.is_empty(), |ui| {
                     suggestions_ui(ui, look, view, out, wishes);
                 });
                 section(ui, "Reconstruct", true, |ui| reconstruct_ui(ui, look, view, wishes));
                 section(ui, "Fuse", true, |ui| fuse_ui(ui, look, view, wishes));
-                if !look.doubts.is_empty() {
-                    section(ui, "Doubt", true, |ui| doubt_ui(ui, look, view, wishes));
-                }
                 section(ui, "Results", false, |ui| results_ui(ui, look));
                 if look.slow_jobs().next().is_some() {
                     section(ui, "Running", true, |ui| jobs_ui(ui, look, view, wishes));

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use egui::{Color32, Rect, RichText, Ui};
+use egui::{Color32, Rect, Sense, Ui, Vec2};
 use glam::{DVec2, Vec3};
 
 use crate::app::{Look, ViewState};
@@ -77,7 +77,7 @@ pub(super) fn asked_ui(ui: &Ui, rect: Rect, look: &Look<'_>, view: &mut ViewStat
     let Some(asked) = view.asked.clone() else { return };
     let (mut open, mut to) = (true, None);
     let window = egui::Window::new("Point").open(&mut open).resizable(false).default_width(230.0);
-    window.default_pos(rect.left_top() + egui::vec2(10.0, 10.0)).constrain_to(rect).show(ui.ctx(), |ui| {
+    window.default_pos(rect.left_top() + Vec2::splat(10.0)).constrain_to(rect).show(ui.ctx(), |ui| {
         let tree = if look.root.is_some() { &look.project.labels } else { &asked.cloud.tree };
         label_ui(ui, tree, asked.cloud.labels[asked.point]);
         let at = asked.place();
@@ -131,7 +131,8 @@ fn label_ui(ui: &mut Ui, tree: &LabelTree, label: LabelId) {
     let [r, g, b] = known.color;
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        ui.label(RichText::new("■").color(Color32::from_rgb(r, g, b)));
+        let (patch, _) = ui.allocate_exact_size(Vec2::splat(10.0), Sense::hover());
+        ui.painter().rect_filled(patch, 2.0, Color32::from_rgb(r, g, b));
         ui.label(names.join(" › "));
     });
 }
