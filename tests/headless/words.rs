@@ -65,7 +65,7 @@ fn bananas_are_found_by_their_name() {
     assert_eq!(names[..2], ["banana", "banana 1"]);
     assert_eq!(
         (&info["labels"][1]["parent"], &info["frames"][3]["mask"]),
-        (&info["labels"][0]["id"], &Value::from("anchor"))
+        (&Value::from("banana"), &Value::from("anchor"))
     );
     let name = info["frames"][3]["name"].as_str().unwrap();
     let stem = Path::new(name).with_extension("png");

@@ -19,8 +19,11 @@ pub struct VolumeOptions {
     pub only_labelled: bool,
     /// Memory that the voxels may take; a surface that needs more is refused.
     pub max_bytes: usize,
-    /// Separate pieces with fewer triangles are left out, unless some place of theirs was seen well: a grain is small, too.
+    /// Separate pieces with fewer triangles are left out.
     pub min_triangles: usize,
+    /// But not those of which some place was seen well: a grain is small, too. For measured depths; where they are made by
+    /// comparing pictures, several may see the same thing that is not there.
+    pub keep_well_seen: bool,
 }
 
 impl Default for VolumeOptions {
@@ -33,6 +36,7 @@ impl Default for VolumeOptions {
             only_labelled: false,
             max_bytes: 2 << 30,
             min_triangles: 64,
+            keep_well_seen: true,
         }
     }
 }

@@ -7,8 +7,9 @@ const WELL_SEEN: f32 = 1.0;
 const AS_WELL: f32 = 0.5;
 
 impl Raw {
-    /// For each triangle, whether the connected piece that it belongs to has at least `least` of them or was seen well.
-    pub(super) fn in_true_pieces(&self, least: usize) -> Vec<bool> {
+    /// For each triangle, whether the connected piece that it belongs to has at least `least` of them or, if that counts, was
+    /// seen well.
+    pub(super) fn in_true_pieces(&self, least: usize, keep_well_seen: bool) -> Vec<bool> {
         let mut parent: Vec<u32> = (0..self.positions.len() as u32).collect();
         for &[a, b, c] in &self.triangles {
             join(&mut parent, a, b);
@@ -22,7 +23,7 @@ impl Raw {
         let enough = WELL_SEEN.max(AS_WELL * median(of_large.map(|(_, &weight)| weight).collect()));
         let is_true = |triangle: &[u32; 3]| {
             let root = roots[triangle[0] as usize];
-            sizes[root] >= least || best[root] >= enough
+            sizes[root] >= least || keep_well_seen && best[root] >= enough
         };
         self.triangles.iter().map(is_true).collect()
     }
@@ -63,19 +64,21 @@ mod tests {
     }
 
     fn kept(raw: &Raw) -> Vec<bool> {
-        let all = raw.in_true_pieces(10);
+        let all = raw.in_true_pieces(10, true);
         let firsts = (0..all.len()).filter(|&at| at == 0 || raw.triangles[at][0] != raw.triangles[at - 1][0] + 1);
         firsts.map(|at| all[at]).collect()
     }
 
     #[test]
     fn a_small_piece_stays_where_it_was_seen_well() {
-        assert_eq!(kept(&strips(&[(12, 0.3), (9, 0.9), (9, 1.1), (10, 0.3)])), [true, false, true, true]);
+        let raw = strips(&[(12, 0.3), (9, 0.9), (9, 1.1), (10, 0.3)]);
+        assert_eq!(kept(&raw), [true, false, true, true]);
+        assert_eq!(raw.in_true_pieces(10, false).iter().filter(|&&kept| kept).count(), 22, "by size alone");
     }
 
     #[test]
     fn many_frames_make_no_surface_of_noise() {
         assert_eq!(kept(&strips(&[(40, 20.0), (9, 9.0), (9, 11.0)])), [true, false, true]);
-        assert!(Raw::default().in_true_pieces(10).is_empty());
+        assert!(Raw::default().in_true_pieces(10, true).is_empty());
     }
 }

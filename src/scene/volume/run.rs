@@ -54,7 +54,7 @@ pub fn reconstruct_surface(
     let raw = volume.extract(progress)?;
     let (frames, bytes) = (volume.frames as usize, volume.bytes());
     drop(volume);
-    let keep = raw.in_true_pieces(options.min_triangles);
+    let keep = raw.in_true_pieces(options.min_triangles, options.keep_well_seen);
     let mut vertices = LabelledCloud::from_positions(raw.positions);
     vertices.colors = raw.colors;
     let mut mesh = LabelledMesh { vertices, triangles: raw.triangles }.filter(|at| keep[at]);
