@@ -45,7 +45,7 @@ impl Default for PatchMatchOptions {
             best_views: 3,
             restarts: 1,
             alike_px: 0.2,
-            min_variance: 2.0,
+            min_variance: 0.5,
             prior_weight: 0.6,
             seed: 0,
         }
