@@ -40,3 +40,12 @@ impl Default for VolumeOptions {
         }
     }
 }
+
+impl VolumeOptions {
+    /// For depths made by comparing pictures: they lie closer to the surface than a sensor's, but several views may see the
+    /// same thing that is not there, so a surface takes more than one of them.
+    #[must_use]
+    pub fn for_stereo() -> Self {
+        Self { truncation: 2.0, min_weight: 0.5, min_triangles: 32, keep_well_seen: false, ..Self::default() }
+    }
+}

@@ -49,12 +49,9 @@ impl Sources<'_> {
             return Ok(before.record.voxel.map_or(Made::Nothing(None), |voxel| Made::Surface { voxel }));
         }
         let Some(voxel) = self.voxel(&views)? else { return Ok(Made::Nothing(None)) };
-        let mut options = VolumeOptions {
-            voxel,
-            only_labelled: self.request.drop_unlabelled,
-            keep_well_seen: stereo_version(self.project).is_none(),
-            ..VolumeOptions::default()
-        };
+        let kind =
+            if stereo_version(self.project).is_some() { VolumeOptions::for_stereo() } else { VolumeOptions::default() };
+        let mut options = VolumeOptions { voxel, only_labelled: self.request.drop_unlabelled, ..kind };
         let surface = loop {
             match reconstruct_surface(&views, &options, progress) {
                 // A size that nobody asked for may be larger: what is labelled stands near, a room around it is wide.
