@@ -12,7 +12,9 @@ use crate::masks::{Segmenter, TextGrounder, Tracker};
 use crate::scene::GeometryTracker;
 use crate::scene::rgbd::register::GlobalRegistration;
 use crate::scene::sfm::matching::NearestMatcher;
-use crate::scene::sfm::onnx::{LighterGlue, LighterGlueOptions, XFeat, XFeatOptions};
+use crate::scene::sfm::onnx::{
+    LighterGlue, LighterGlueOptions, SuperGlue, SuperGlueOptions, SuperPoint, SuperPointOptions, XFeat, XFeatOptions,
+};
 use crate::scene::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
 
 /// What an engine is for.
@@ -62,6 +64,9 @@ pub fn engines() -> Vec<Engine> {
     const SAM: &str = "the networks sam-vit-b or mobile-sam and ONNX Runtime; add both with 'ostra models add'";
     const YOLOX: &str = "the network yolox and ONNX Runtime; add both with 'ostra models add'";
     const LIGHTERGLUE: &str = "features of xfeat, its network and ONNX Runtime; add both with 'ostra models add'";
+    const SUPERGLUE: &str = "features of superpoint, the network superglue-outdoor or superglue-indoor and ONNX Runtime; \
+                             add them with 'ostra models add'";
+    const FEATURES: &str = "its network and ONNX Runtime; add both with 'ostra models add'";
     let segmenter = |name, installed, needs| Engine { kind: EngineKind::Segmenter, name, installed, needs };
     let grounder = |name, installed, needs| Engine { kind: EngineKind::Grounder, name, installed, needs };
     let tracker = |name, installed, needs| Engine { kind: EngineKind::Tracker, name, installed, needs };
@@ -81,12 +86,12 @@ pub fn engines() -> Vec<Engine> {
         tracker("flow", true, "nothing"),
         features("auto", true, "nothing; takes sift, the most accurate"),
         features("sift", true, "nothing"),
-        features("xfeat", is_usable("xfeat"), "its network and ONNX Runtime; add both with 'ostra models add'"),
-        features("superpoint", false, WEIGHTS),
+        features("xfeat", is_usable("xfeat"), FEATURES),
+        features("superpoint", is_usable("superpoint"), FEATURES),
         matcher("auto", true, "what the matcher it takes needs"),
         matcher("nearest", true, "nothing"),
         matcher("lighterglue", is_usable("lighterglue"), LIGHTERGLUE),
-        matcher("superglue", false, WEIGHTS),
+        matcher("superglue", superglue_network().is_some(), SUPERGLUE),
     ]
 }
 
@@ -146,32 +151,60 @@ pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box
     }
 }
 
+/// The first network behind `superglue` that can be used: what is photographed is mostly outdoors, or looks like it.
+fn superglue_network() -> Option<&'static str> {
+    ["superglue-outdoor", "superglue-indoor"].into_iter().find(|network| is_usable(network))
+}
+
 /// The feature extractor of this name; longer sides than `max_side` pixels are worked on at that size. `auto` is SIFT,
 /// the most accurate.
 pub(super) fn extractor(name: &str, max_side: Option<u32>) -> Result<Box<dyn FeatureExtractor>> {
     check_installed(EngineKind::Features, name)?;
-    if name == "xfeat" {
-        let standard = XFeatOptions::default();
-        let max_side = max_side.map_or(standard.max_side, |side| side as usize);
-        return Ok(Box::new(XFeat::load(&models_folder()?, XFeatOptions { max_side, ..standard })?));
-    }
-    let standard = SiftOptions::default();
-    Ok(Box::new(Sift { options: SiftOptions { max_side: max_side.unwrap_or(standard.max_side), ..standard } }))
+    let side = |standard: usize| max_side.map_or(standard, |side| side as usize);
+    Ok(match name {
+        "xfeat" => {
+            let standard = XFeatOptions::default();
+            let options = XFeatOptions { max_side: side(standard.max_side), ..standard };
+            Box::new(XFeat::load(&models_folder()?, options)?)
+        }
+        "superpoint" => {
+            let standard = SuperPointOptions::default();
+            let options = SuperPointOptions { max_side: side(standard.max_side), ..standard };
+            Box::new(SuperPoint::load(&models_folder()?, options)?)
+        }
+        _ => {
+            let standard = SiftOptions::default();
+            Box::new(Sift { options: SiftOptions { max_side: max_side.unwrap_or(standard.max_side), ..standard } })
+        }
+    })
 }
 
 /// The matcher of this name for features of an extractor; `auto` is the network made for them where it is installed.
 pub(super) fn matcher(name: &str, features: &str) -> Result<Box<dyn FeatureMatcher>> {
     check_installed(EngineKind::Matcher, name)?;
-    let learned = features == "xfeat";
-    let network = match name {
-        "auto" => learned && is_usable("lighterglue"),
-        name => name == "lighterglue",
+    let made_for = match features {
+        "xfeat" => Some("lighterglue"),
+        "superpoint" => Some("superglue"),
+        _ => None,
     };
-    if network {
-        ensure!(learned, "'lighterglue' matches features of xfeat; choose --features xfeat");
-        return Ok(Box::new(LighterGlue::load(&models_folder()?, LighterGlueOptions::default())?));
+    let wanted = match name {
+        "auto" => made_for.filter(|network| check_installed(EngineKind::Matcher, network).is_ok()),
+        "nearest" => None,
+        network => Some(network),
+    };
+    if wanted.is_some() && wanted != made_for {
+        let theirs = if name == "superglue" { "superpoint" } else { "xfeat" };
+        bail!("'{name}' matches features of {theirs}; choose --features {theirs}");
     }
-    Ok(Box::new(if learned { NearestMatcher::for_floats() } else { NearestMatcher::for_bytes() }))
+    Ok(match wanted {
+        Some("lighterglue") => Box::new(LighterGlue::load(&models_folder()?, LighterGlueOptions::default())?),
+        Some(_) => {
+            let network = superglue_network().unwrap_or("superglue-outdoor");
+            Box::new(SuperGlue::load(&models_folder()?, network, SuperGlueOptions::default())?)
+        }
+        None if made_for.is_some() => Box::new(NearestMatcher::for_floats()),
+        None => Box::new(NearestMatcher::for_bytes()),
+    })
 }
 
 /// Whether a network is installed, and with it what runs it.

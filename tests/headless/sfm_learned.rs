@@ -73,6 +73,10 @@ fn learned_features_are_refused_until_their_networks_are_there() {
     assert!(said.contains("ostra models add xfeat FILE"), "{said}");
     let said = refused(data.path(), None, &[&reconstruct[..], &["--matcher", "lighterglue"]].concat());
     assert!(said.contains("'lighterglue'") && said.contains("features of xfeat"), "{said}");
+    let said = refused(data.path(), None, &[&reconstruct[..], &["--features", "superpoint"]].concat());
+    assert!(said.contains("'superpoint' is not installed") && said.contains("ostra models add"), "{said}");
+    let said = refused(data.path(), None, &[&reconstruct[..], &["--matcher", "superglue"]].concat());
+    assert!(said.contains("superglue-outdoor or superglue-indoor"), "{said}");
     assert_eq!(project.info()["results"]["cameras"]["frames"].as_u64().unwrap_or(0), 0);
 }
 

@@ -1,6 +1,8 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
+use super::suppress::suppressed;
+
 /// How likely each pixel is a keypoint, 0..1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heat {
@@ -50,6 +52,17 @@ impl Heat {
             above.map(move |(x, _)| (x, y)).filter(|&(x, y)| self.is_peak(x, y)).collect::<Vec<_>>()
         };
         (0..height).into_par_iter().flat_map_iter(in_row).collect()
+    }
+
+    /// Pixels above `least` that no stronger one suppresses within `radius` pixels along both axes, within `width` columns
+    /// and `height` rows, row by row.
+    #[must_use]
+    pub fn separate(&self, width: usize, height: usize, least: f32, radius: usize) -> Vec<(usize, usize)> {
+        let shown: Vec<f32> =
+            self.values.chunks_exact(self.width).take(height).flat_map(|row| &row[..width]).copied().collect();
+        let kept = suppressed(&shown, width, radius);
+        let kept = shown.iter().zip(kept).enumerate().filter(|&(_, (&value, kept))| kept && value > least);
+        kept.map(|(at, _)| (at % width, at / width)).collect()
     }
 
     fn is_peak(&self, x: usize, y: usize) -> bool {

@@ -1,6 +1,8 @@
 use std::path::Path;
 
-use super::xfeat::{DIM, load_only};
+use super::glance::look_twice;
+use super::keypoints::load_only;
+use super::xfeat::DIM;
 use crate::engine::nn::{Network, NnError, Tensor};
 use crate::scene::sfm::{Descriptors, FeatureError, FeatureMatcher, Features};
 
@@ -22,9 +24,6 @@ impl Default for LighterGlueOptions {
         Self { most: 1024, first_look: 512, least_score: 0.1 }
     }
 }
-
-/// Matches at a first look below which two pictures do not overlap.
-const OVERLAPPING: usize = 10;
 
 /// Matches the keypoints of [`super::XFeat`] by a network that looks at both pictures as wholes.
 ///
@@ -93,13 +92,6 @@ impl FeatureMatcher for LighterGlue {
 
     fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError> {
         let LighterGlueOptions { most, first_look, .. } = self.options;
-        let fewer = first.keypoints.len().min(second.keypoints.len()).min(most);
-        if fewer > first_look {
-            let glanced = self.matched([first, second], first_look)?;
-            if glanced.len() < OVERLAPPING {
-                return Ok(glanced);
-            }
-        }
-        self.matched([first, second], most)
+        look_twice([first, second], (first_look, most), |most| self.matched([first, second], most))
     }
 }

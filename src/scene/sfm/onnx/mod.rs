@@ -2,14 +2,22 @@
 //!
 //! May use: engine::nn, glam, rayon; of `sift` what tells bars beside a picture. Must not touch: files, cameras.
 
+mod glance;
 mod heat;
+mod keypoints;
 mod lighterglue;
 mod prepared;
 mod sampled;
+mod superglue;
+mod superpoint;
+mod suppress;
+mod transport;
 mod xfeat;
 
 #[cfg(test)]
 mod tests;
 
 pub use lighterglue::{LighterGlue, LighterGlueOptions};
+pub use superglue::{SuperGlue, SuperGlueOptions};
+pub use superpoint::{SuperPoint, SuperPointOptions};
 pub use xfeat::{XFeat, XFeatOptions};

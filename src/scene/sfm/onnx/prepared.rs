@@ -2,7 +2,8 @@ use glam::DVec2;
 use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Luma};
 
-/// A picture as a network takes it: shrunk where it is large, its last column and row repeated up to a multiple of 32.
+/// A picture as a network takes it: shrunk where it is large, its last column and row repeated up to a multiple that
+/// the network asks for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prepared {
     /// Row by row, in 0..1.
@@ -19,19 +20,17 @@ pub struct Prepared {
     pub original_from_here: DVec2,
 }
 
-/// Networks that halve the picture five times need sides of this multiple.
-const MULTIPLE: usize = 32;
-
 impl Prepared {
-    /// Prepares a grey picture so that its longer side has at most `max_side` pixels.
+    /// Prepares a grey picture so that its longer side has at most `max_side` pixels and both sides are multiples of
+    /// `multiple`.
     #[must_use]
-    pub fn new(grey: &[f32], width: usize, height: usize, max_side: usize) -> Self {
+    pub fn new(grey: &[f32], (width, height): (usize, usize), max_side: usize, multiple: usize) -> Self {
         let scale = (max_side as f64 / width.max(height) as f64).min(1.0);
         let shrunk = |side: usize| ((side as f64 * scale).round() as usize).clamp(1, side);
         let (shown_width, shown_height) = (shrunk(width), shrunk(height));
         let small = if scale < 1.0 { shrink(grey, (width, height), (shown_width, shown_height)) } else { None };
         let (padded_width, padded_height) =
-            (shown_width.next_multiple_of(MULTIPLE), shown_height.next_multiple_of(MULTIPLE));
+            (shown_width.next_multiple_of(multiple), shown_height.next_multiple_of(multiple));
         Self {
             grey: padded(small.as_deref().unwrap_or(grey), (shown_width, shown_height), (padded_width, padded_height)),
             width: padded_width,

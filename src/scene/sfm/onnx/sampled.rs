@@ -33,6 +33,11 @@ impl Sampled {
 
     /// Adds the values at a position in pixels (eight per cell) to `into`, bilinearly between the centres of the cells.
     pub fn read(&self, at: DVec2, into: &mut [f32]) {
+        self.read_cells(at / CELL as f64 - 0.5, into);
+    }
+
+    /// As [`Self::read`], at a position in cells: the centre of the top-left cell at (0, 0).
+    pub fn read_cells(&self, at: DVec2, into: &mut [f32]) {
         let (column, along_x) = between(at.x, self.columns);
         let (row, along_y) = between(at.y, self.rows);
         let (next_column, next_row) = ((column + 1).min(self.columns - 1), (row + 1).min(self.rows - 1));
@@ -58,7 +63,7 @@ pub fn normalise(values: &mut [f32]) {
 }
 
 /// Cell before a position, and the way towards the next, 0..1.
-fn between(at_px: f64, cells: usize) -> (usize, f32) {
-    let at = (at_px / CELL as f64 - 0.5).clamp(0.0, (cells - 1) as f64);
+fn between(at: f64, cells: usize) -> (usize, f32) {
+    let at = at.clamp(0.0, (cells - 1) as f64);
     (at as usize, at.fract() as f32)
 }

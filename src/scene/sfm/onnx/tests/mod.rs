@@ -2,6 +2,8 @@
 
 mod pair;
 mod parts;
+mod superglue;
+mod transport;
 mod view;
 
 use std::path::{Path, PathBuf};

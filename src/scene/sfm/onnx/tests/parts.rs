@@ -49,11 +49,11 @@ fn values_between_cells_follow_a_slope() {
 #[test]
 fn a_picture_is_shrunk_and_its_edges_repeated() {
     let slope: Vec<f32> = (0..100 * 50).map(|at| (at % 100) as f32 / 100.0).collect();
-    let kept = Prepared::new(&slope, 100, 50, 100);
+    let kept = Prepared::new(&slope, (100, 50), 100, 32);
     assert_eq!((kept.width, kept.height, kept.shown_width, kept.shown_height), (128, 64, 100, 50));
     assert_eq!((kept.grey[49 * 128 + 7], kept.grey[63 * 128 + 127]), (0.07, 0.99));
     assert_eq!(kept.original_from_here, DVec2::ONE);
-    let half = Prepared::new(&slope, 100, 50, 50);
+    let half = Prepared::new(&slope, (100, 50), 50, 32);
     assert_eq!((half.width, half.height, half.shown_width, half.shown_height), (64, 32, 50, 25));
     assert_eq!(half.original_from_here, DVec2::splat(2.0));
     assert!((half.grey[20] - 0.405).abs() < 1e-3, "columns 40 and 41: {}", half.grey[20]);
