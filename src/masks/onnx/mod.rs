@@ -4,6 +4,7 @@
 
 mod boxes;
 mod coco;
+pub mod grounding;
 mod resize;
 pub mod sam;
 mod yolox;
