@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from pictures import half_a_pixel, pictures
 from PIL import Image
 from transformers import SamConfig, SamModel
 from transformers.models.sam.image_processing_pil_sam import SamImageProcessorPil
@@ -92,26 +93,6 @@ def official(state):
     return named
 
 
-def made_pictures():
-    """Two pictures of shapes before a gradient: one is shrunk for the tiny network, one enlarged."""
-    for width, height in ((300, 200), (90, 160)):
-        y, x = np.mgrid[:height, :width] / height
-        picture = np.stack([200 * y, 60 + 90 * x, 220 - 120 * y * x], -1)
-        picture[(x - 0.3) ** 2 + (y - 0.4) ** 2 < 0.05] = (230, 200, 40)
-        picture[(abs(x - 0.35) < 0.2) & (abs(y - 0.75) < 0.1)] = (30, 60, 90)
-        picture[abs(x - 0.9 * y) < 0.01] = (250, 250, 250)
-        yield Image.fromarray(picture.astype(np.uint8))
-
-
-def pictures(folder):
-    if folder is None:
-        yield from made_pictures()
-        return
-    files = sorted(folder.iterdir())
-    for at in (0, len(files) // 2):
-        yield Image.open(files[at]).convert("RGB")
-
-
 def prompts(width, height):
     """Prompts in the pixels of a picture, counted from the middle of the first; `after` is refined by more clicks."""
     at = lambda x, y, include: [int(x * width), int(y * height), include]  # noqa: E731
@@ -168,12 +149,6 @@ class Asked:
         )[0]
         chosen = {"low": low[0, 0], "logits": logits[0, 0], "iou": float(out.iou_scores[0, 0, best])}
         return prompt | chosen | {"covers": float((logits > 0).float().mean())}
-
-
-def half_a_pixel(picture):
-    """The picture moved to the left by half a pixel."""
-    right = np.concatenate([picture[:, 1:], picture[:, -1:]], 1)
-    return ((picture.astype(np.uint16) + right + 1) // 2).astype(np.uint8)
 
 
 def build(size, seed, processor, shown, fault):
