@@ -32,7 +32,7 @@ pub struct Entry {
     files: Vec<NetworkFile>,
 }
 
-/// One file of a network.
+/// One file of a network, or of text that goes with it.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkFile {
@@ -41,6 +41,9 @@ pub struct NetworkFile {
     /// Digest of a file that is known to work, lower-case hexadecimal.
     #[serde(default)]
     pub sha256: Option<String>,
+    /// Whether it is text that goes with a network (the words it knows), not a network.
+    #[serde(default, rename = "text")]
+    pub is_text: bool,
     #[serde(default)]
     inputs: Vec<Port>,
     #[serde(default)]

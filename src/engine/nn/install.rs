@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use super::catalogue::{Catalogue, Entry, NetworkFile};
 use super::digest::sha256;
 use super::error::NnError;
+use super::installed::text;
 use super::network::Network;
 use super::runtime::{Runtime, whole};
 
@@ -67,10 +68,12 @@ fn prove_library(path: &Path) -> Result<Proof, NnError> {
 fn prove_networks(entry: &Entry, paths: &[PathBuf]) -> Result<Vec<Proof>, NnError> {
     paths.iter().try_for_each(|path| readable(path))?;
     let pairs = entry.files().iter().zip(paths);
-    match Runtime::find() {
-        Ok(runtime) => pairs.map(|(file, path)| prove_by_loading(&runtime, file, path)).collect(),
-        Err(error) => pairs.map(|(file, path)| prove_by_digest(file, path, &error)).collect(),
-    }
+    let prove = |(file, path): (&NetworkFile, &PathBuf)| match Runtime::find() {
+        _ if file.is_text => text(path).map(|_| Proof::Loads),
+        Ok(runtime) => prove_by_loading(&runtime, file, path),
+        Err(error) => prove_by_digest(file, path, &error),
+    };
+    pairs.map(prove).collect()
 }
 
 fn prove_by_loading(runtime: &Runtime, file: &NetworkFile, path: &Path) -> Result<Proof, NnError> {

@@ -33,7 +33,7 @@ pub struct Installed {
 pub struct CheckedFile {
     /// The file.
     pub path: PathBuf,
-    /// What it takes and gives; `None` for ONNX Runtime itself.
+    /// What it takes and gives; `None` for ONNX Runtime itself and for text.
     pub signature: Option<Signature>,
     /// Whether that was held against what the program expects.
     pub is_compared: bool,
@@ -75,6 +75,10 @@ pub fn check(catalogue: &Catalogue, folder: &Path, name: &str) -> Result<Vec<Che
     let installed = entry.installed(folder).ok_or_else(|| entry.missing(folder))?;
     let runtime = Runtime::find()?;
     let load = |(file, path): (&NetworkFile, PathBuf)| {
+        if file.is_text {
+            text(&path)?;
+            return Ok(CheckedFile { path, signature: None, is_compared: false });
+        }
         let expected = file.signature();
         let network = Network::load(&runtime, &path, expected.as_ref())?;
         Ok(CheckedFile { path, signature: Some(network.signature().clone()), is_compared: expected.is_some() })
@@ -82,7 +86,7 @@ pub fn check(catalogue: &Catalogue, folder: &Path, name: &str) -> Result<Vec<Che
     entry.files().iter().zip(installed.paths).map(load).collect()
 }
 
-/// Loads the networks that `folder` holds under `name`, one per file.
+/// Loads the networks that `folder` holds under `name`, one per file that is not text.
 ///
 /// # Errors
 /// As [`check`].
@@ -91,6 +95,23 @@ pub fn load(folder: &Path, name: &str) -> Result<Vec<Network>, NnError> {
     let entry = catalogue.entry(name)?;
     let installed = entry.installed(folder).ok_or_else(|| entry.missing(folder))?;
     let runtime = Runtime::find()?;
-    let pairs = entry.files().iter().zip(&installed.paths);
-    pairs.map(|(file, path)| Network::load(&runtime, path, file.signature().as_ref())).collect()
+    let networks = entry.files().iter().zip(&installed.paths).filter(|(file, _)| !file.is_text);
+    networks.map(|(file, path)| Network::load(&runtime, path, file.signature().as_ref())).collect()
+}
+
+/// Reads the text files that `folder` holds under `name`.
+///
+/// # Errors
+/// When the name is unknown, a file of it is missing or no text in UTF-8.
+pub fn load_text(folder: &Path, name: &str) -> Result<Vec<String>, NnError> {
+    let catalogue = Catalogue::bundled()?;
+    let entry = catalogue.entry(name)?;
+    let installed = entry.installed(folder).ok_or_else(|| entry.missing(folder))?;
+    let texts = entry.files().iter().zip(&installed.paths).filter(|(file, _)| file.is_text);
+    texts.map(|(_, path)| text(path)).collect()
+}
+
+/// A file of text in UTF-8.
+pub(super) fn text(path: &Path) -> Result<String, NnError> {
+    std::fs::read_to_string(path).map_err(|source| NnError::Io { path: path.to_owned(), source })
 }

@@ -19,7 +19,7 @@ mod tests;
 pub use catalogue::{Catalogue, Entry, NetworkFile};
 pub use error::NnError;
 pub use install::{Added, Proof, add};
-pub use installed::{CheckedFile, Installed, Row, check, list, load};
+pub use installed::{CheckedFile, Installed, Row, check, list, load, load_text};
 pub use network::Network;
 pub use runtime::Runtime;
 pub use search::models_folder;

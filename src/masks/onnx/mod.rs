@@ -1,4 +1,4 @@
-//! Networks behind the seams of masks: Segment Anything, YOLOX.
+//! Networks behind the seams of masks: Segment Anything, YOLOX, Grounding DINO.
 //!
 //! May use: engine::nn, engine::job, frames, the nouns of masks. Must not touch: cameras, 3-D, UI.
 

@@ -1,7 +1,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::super::{Catalogue, NnError, Proof, add, check, list, load};
+use super::super::{Catalogue, NnError, Proof, add, check, list, load, load_text};
 use super::ready;
 
 fn files_in(folder: &Path) -> usize {
@@ -64,4 +64,42 @@ fn what_is_not_installed_is_told_with_what_to_do() {
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
     let error = check(&catalogue, scratch.path(), "xfeat").unwrap_err().to_string();
     assert!(error.contains("`xfeat` is not installed") && error.contains("ostra models add xfeat FILE"), "{error}");
+}
+
+#[test]
+fn text_that_goes_with_a_network_is_read_not_run() {
+    let Some((_, folder)) = ready() else { return };
+    let text = r#"[[entry]]
+name = "yolox"
+purpose = "p"
+licence = "l"
+source = "https://s"
+[[entry.file]]
+name = "n.onnx"
+[[entry.file]]
+name = "words.txt"
+text = true
+"#;
+    let (catalogue, scratch): (Catalogue, _) = (toml::from_str(text).unwrap(), tempfile::tempdir().unwrap());
+    let (network, words) = (folder.join("yolox_nano.onnx"), scratch.path().join("vocab.txt"));
+    let target = scratch.path().join("models");
+    fs::write(&words, [0xff, 0xfe]).unwrap();
+    let files = [network, words.clone()];
+    let error = add(&catalogue, &target, "yolox", &files).unwrap_err().to_string();
+    assert!(error.contains("vocab.txt") && !target.exists(), "{error}");
+    fs::write(&words, "naïve\n").unwrap();
+    add(&catalogue, &target, "yolox", &files).unwrap();
+    assert_eq!(fs::read_to_string(target.join("words.txt")).unwrap(), "naïve\n");
+    let checked = check(&catalogue, &target, "yolox").unwrap();
+    assert!(checked[0].signature.is_some() && checked[1].signature.is_none());
+}
+
+#[test]
+fn texts_and_networks_of_one_name_are_told_apart() {
+    let scratch = tempfile::tempdir().unwrap();
+    let error = load_text(scratch.path(), "grounding-dino").unwrap_err().to_string();
+    assert!(error.contains("`grounding-dino` is not installed"), "{error}");
+    fs::write(scratch.path().join("grounding-dino.onnx"), "no network").unwrap();
+    fs::write(scratch.path().join("grounding-dino-vocab.txt"), "[CLS]\n[SEP]\n").unwrap();
+    assert_eq!(load_text(scratch.path(), "grounding-dino").unwrap(), ["[CLS]\n[SEP]\n"]);
 }

@@ -4,12 +4,18 @@
 //! Liu et al.: "Grounding DINO: Marrying DINO with Grounded Pre-Training for Open-Set Object Detection", ECCV 2024;
 //! Devlin et al.: "BERT: Pre-training of Deep Bidirectional Transformers for Language Understanding", NAACL 2019.
 //!
-//! May use: the nouns of masks. Must not touch: files, engine::nn, cameras, 3-D, UI.
+//! May use: engine::nn, engine::job, frames, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
 mod caption;
 mod found;
+mod network;
+mod shown;
 mod tokenizer;
 
+#[cfg(test)]
+mod tests;
+
 pub use caption::Caption;
-pub use found::grounded;
+pub use found::Answer;
+pub use network::GroundingDino;
 pub use tokenizer::Tokenizer;

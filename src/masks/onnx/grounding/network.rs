@@ -1,0 +1,126 @@
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use glam::DVec2;
+
+use super::caption::Caption;
+use super::found::Answer;
+use super::shown::Shown;
+use super::tokenizer::Tokenizer;
+use crate::engine::job::{Progress, Stopped};
+use crate::engine::nn::{Network, NnError, Tensor, TensorValues, load, load_text};
+use crate::frames::Image;
+use crate::masks::{GroundRequest, Grounded, MaskError, TextGrounder};
+
+/// Finds what any words name.
+///
+/// It remembers its last answer: another threshold for the same picture and phrases costs no run.
+#[derive(Debug)]
+pub struct GroundingDino {
+    network: Network,
+    tokenizer: Tokenizer,
+    last: Mutex<Option<(Shown, Arc<Answer>)>>,
+}
+
+/// Its name in the catalogue, on the command line and in the folder of networks.
+const NAME: &str = "grounding-dino";
+/// Least score where nothing is asked for.
+const LEAST_SCORE: f32 = 0.3;
+/// What it is fed.
+const INPUTS: [&str; 4] = ["image", "input_ids", "position_ids", "attention_mask"];
+
+impl GroundingDino {
+    /// The network `grounding-dino` of a folder of networks, with its vocabulary.
+    ///
+    /// # Errors
+    /// When it is not installed there, does not load, its vocabulary is another one, or ONNX Runtime is missing.
+    pub fn load(folder: &Path) -> Result<Self, NnError> {
+        let missing = || NnError::Request(format!("the catalogue has no file for `{NAME}`"));
+        let vocabulary = load_text(folder, NAME)?.pop().ok_or_else(missing)?;
+        Self::new(load(folder, NAME)?.pop().ok_or_else(missing)?, &vocabulary)
+    }
+
+    /// Of a network as `assets/export/grounding_dino.py` writes it and the text of BERT's `vocab.txt`.
+    ///
+    /// # Errors
+    /// [`NnError::Mismatch`] for a network with other inputs, [`NnError::Request`] for a vocabulary that lacks what every
+    /// caption needs.
+    pub fn new(network: Network, vocabulary: &str) -> Result<Self, NnError> {
+        let there = &network.signature().inputs;
+        if there.len() != INPUTS.len() || !INPUTS.iter().all(|name| there.iter().any(|port| port.name == *name)) {
+            let what = format!("expected the inputs {}", INPUTS.join(", "));
+            return Err(NnError::Mismatch { path: network.path().to_owned(), what });
+        }
+        let tokenizer = Tokenizer::new(vocabulary).map_err(|error| NnError::Request(error.to_string()))?;
+        Ok(Self { network, tokenizer, last: Mutex::default() })
+    }
+
+    /// What the network says of a picture and some phrases, for any threshold.
+    ///
+    /// # Errors
+    /// [`MaskError::Request`] for no phrase, one without a word or with a full stop or question mark in it, too many, an
+    /// empty or very narrow picture; [`MaskError::Stopped`], or what the network says.
+    pub fn look(&self, image: &Image, phrases: &[String], progress: &Progress) -> Result<Arc<Answer>, MaskError> {
+        let caption = Caption::new(&self.tokenizer, phrases)?;
+        let shown = Shown::new(image)?;
+        progress.step(0, 1)?;
+        let size_px = DVec2::new(image.width.into(), image.height.into());
+        let known = self.last.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let known = known.filter(|(before, _)| *before == shown).map(|(_, answer)| answer);
+        let known = known.filter(|answer| answer.caption == caption && answer.size_px == size_px);
+        let answer = if let Some(answer) = known {
+            answer
+        } else {
+            let (logits, boxes) = self.run(&shown, &caption, progress)?;
+            let answer = Arc::new(Answer { caption, logits, boxes, size_px });
+            *self.last.lock().unwrap_or_else(PoisonError::into_inner) = Some((shown, Arc::clone(&answer)));
+            answer
+        };
+        progress.step(1, 1)?;
+        Ok(answer)
+    }
+
+    /// Logits and boxes of every query.
+    fn run(&self, shown: &Shown, caption: &Caption, progress: &Progress) -> Result<(Vec<f32>, Vec<f32>), MaskError> {
+        let told = |error: NnError| MaskError::Network(error.to_string());
+        let count = caption.ids.len();
+        let image = Tensor::floats(&[1, 3, shown.rows, shown.columns], shown.planes()).map_err(told)?;
+        let integers = |shape: &[usize], values| Tensor::new(shape, TensorValues::I64(values)).map_err(told);
+        let ids = integers(&[1, count], caption.ids.clone())?;
+        let positions = integers(&[1, count], caption.positions.clone())?;
+        let attention = integers(&[1, count, count], caption.attention())?;
+        let [a, b, c, d] = INPUTS;
+        let inputs = [(a, &image), (b, &ids), (c, &positions), (d, &attention)];
+        let is_wanted = || progress.check().is_ok();
+        let given = self.network.run_while(&inputs, &is_wanted).map_err(told)?.ok_or(Stopped)?;
+        if let [logits, boxes] = given.as_slice()
+            && let [1, queries, tokens] = *logits.shape()
+            && tokens == count
+            && boxes.shape() == [1, queries, 4]
+        {
+            return Ok((logits.as_floats().to_vec(), boxes.as_floats().to_vec()));
+        }
+        let path = self.network.path().display();
+        Err(MaskError::Network(format!("{path}: does not give a logit for each token and a box for each query")))
+    }
+}
+
+impl TextGrounder for GroundingDino {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn vocabulary(&self) -> Option<&'static [&'static str]> {
+        None
+    }
+
+    fn ground(
+        &self,
+        image: &Image,
+        request: &GroundRequest<'_>,
+        progress: &Progress,
+    ) -> Result<Vec<Grounded>, MaskError> {
+        let answer = self.look(image, request.phrases, progress)?;
+        Ok(answer.above(request.threshold.unwrap_or(LEAST_SCORE)))
+    }
+}

@@ -1,0 +1,39 @@
+//! Tests of `masks/onnx/grounding`.
+
+mod errors;
+mod parity;
+
+use std::path::{Path, PathBuf};
+
+use super::GroundingDino;
+use crate::engine::nn::{Network, Runtime};
+use crate::frames::Image;
+
+/// A small network of random weights with reference answers (`tests/parity/grounding.py` makes it).
+fn tiny() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/grounding-tiny")
+}
+
+/// What runs networks; `None`, after a printed line, where it is missing, which `CI` does not allow.
+fn runtime() -> Option<Runtime> {
+    let found = Runtime::find();
+    assert!(found.is_ok() || std::env::var_os("CI").is_none(), "{}", found.unwrap_err());
+    found.inspect_err(|error| println!("skipped: {error}")).ok()
+}
+
+/// The network of a folder that `tests/parity/grounding.py` wrote.
+fn network(folder: &Path, name: &str) -> Option<GroundingDino> {
+    let network = Network::load(&runtime()?, &folder.join(name), None).unwrap();
+    let vocabulary = std::fs::read_to_string(folder.join("vocab.txt")).unwrap();
+    Some(GroundingDino::new(network, &vocabulary).unwrap())
+}
+
+fn picture(path: &Path) -> Image {
+    let picture = image::open(path).unwrap().to_rgb8();
+    let pixels = picture.pixels().map(|pixel| pixel.0).collect();
+    Image { width: picture.width(), height: picture.height(), pixels }
+}
+
+fn phrases(words: &[&str]) -> Vec<String> {
+    words.iter().map(|&word| word.to_owned()).collect()
+}
