@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail, ensure};
 
-use super::networks::{KeptSam, SAM_NETWORKS, yolox};
+use super::networks::{KeptSam, SAM_NETWORKS, grounding_dino, yolox};
 use super::{Project, TrackSettings};
 use crate::engine::nn::{Catalogue, Runtime, models_folder};
 use crate::frames::Frame;
@@ -62,6 +62,8 @@ pub struct Engine {
 pub fn engines() -> Vec<Engine> {
     const WEIGHTS: &str = "network weights, which this version cannot load yet; use what needs none";
     const SAM: &str = "the networks sam-vit-b or mobile-sam and ONNX Runtime; add both with 'ostra models add'";
+    const GROUNDER: &str = "the networks grounding-dino or yolox and ONNX Runtime; add both with 'ostra models add'";
+    const GROUNDING_DINO: &str = "the network grounding-dino and ONNX Runtime; add both with 'ostra models add'";
     const YOLOX: &str = "the network yolox and ONNX Runtime; add both with 'ostra models add'";
     const LIGHTERGLUE: &str = "features of xfeat, its network and ONNX Runtime; add both with 'ostra models add'";
     const SUPERGLUE: &str = "features of superpoint, the network superglue-outdoor or superglue-indoor and ONNX Runtime; \
@@ -76,8 +78,8 @@ pub fn engines() -> Vec<Engine> {
         segmenter("auto", true, "nothing; takes the best that is installed"),
         segmenter("sam", sam_network().is_some(), SAM),
         segmenter("builtin", true, "nothing"),
-        grounder("auto", is_usable("yolox"), YOLOX),
-        grounder("grounding-dino", false, WEIGHTS),
+        grounder("auto", GROUNDERS.into_iter().any(is_usable), GROUNDER),
+        grounder("grounding-dino", is_usable("grounding-dino"), GROUNDING_DINO),
         grounder("yolox", is_usable("yolox"), YOLOX),
         tracker("auto", true, "what the tracker it takes needs"),
         tracker("xmem", false, WEIGHTS),
@@ -127,8 +129,15 @@ fn sam_network() -> Option<&'static str> {
 /// What finds things by words; its network is loaded, on this thread, where it was not needed before.
 pub(super) fn grounder(name: &str) -> Result<Arc<dyn TextGrounder>> {
     check_installed(EngineKind::Grounder, name)?;
-    Ok(yolox()?)
+    let best = GROUNDERS.into_iter().find(|network| name == "auto" && is_usable(network));
+    Ok(match best.unwrap_or(name) {
+        "yolox" => yolox()?,
+        _ => grounding_dino()?,
+    })
 }
+
+/// Networks that find things by words, the one that knows any words first.
+const GROUNDERS: [&str; 2] = ["grounding-dino", "yolox"];
 
 /// The tracker that the settings name; `auto` is the best that is installed and that the frames allow.
 pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tracker>> {

@@ -4,6 +4,7 @@ use crate::engine::job::Progress;
 use crate::engine::nn::{NnError, models_folder};
 use crate::frames::{DepthMap, Image};
 use crate::masks::onnx::Yolox;
+use crate::masks::onnx::grounding::GroundingDino;
 use crate::masks::onnx::sam::Sam;
 use crate::masks::{MaskError, PreparedFrame, Segmenter, TextGrounder};
 
@@ -28,6 +29,7 @@ impl<T> Kept<T> {
 
 static SAM: Kept<Sam> = Kept::new();
 static YOLOX: Kept<Yolox> = Kept::new();
+static GROUNDING_DINO: Kept<GroundingDino> = Kept::new();
 
 /// Networks that can stand behind the segmenter `sam`, the most exact first.
 pub(super) const SAM_NETWORKS: [&str; 2] = ["sam-vit-b", "mobile-sam"];
@@ -56,4 +58,9 @@ impl Segmenter for KeptSam {
 /// YOLOX; loads it where it was not needed before.
 pub(super) fn yolox() -> Result<Arc<dyn TextGrounder>, MaskError> {
     Ok(YOLOX.get(|| Yolox::load(&models_folder()?))?)
+}
+
+/// Grounding DINO; loads it where it was not needed before.
+pub(super) fn grounding_dino() -> Result<Arc<dyn TextGrounder>, MaskError> {
+    Ok(GROUNDING_DINO.get(|| GroundingDino::load(&models_folder()?))?)
 }
