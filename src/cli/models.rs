@@ -1,26 +1,39 @@
 use std::path::Path;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 
 use super::args::ModelsVerb;
 use super::print::say;
-use crate::session::{CheckedFile, Proof, Row, add_model, check_model, list_models};
+use crate::session::{Added, CheckedFile, Fetched, Proof, Row, add_model, check_model, install_model, list_models};
 
 pub(super) fn models(verb: &ModelsVerb) -> Result<()> {
     match verb {
         ModelsVerb::List => list_models()?.iter().for_each(|row| say(&line(row))),
-        ModelsVerb::Install { name } => bail!(
-            "{name}: this version cannot fetch networks yet; get its files and give them with 'ostra models add {name} \
-             FILE…'"
-        ),
-        ModelsVerb::Add { name, files } => {
-            for added in add_model(name, files)? {
-                say(&format!("{}: {}\n", added.path.display(), told(&added.proof)));
-            }
-        }
+        ModelsVerb::Install { name } => say_added(&install_model(name, &mut progress())?),
+        ModelsVerb::Add { name, files } => say_added(&add_model(name, files)?),
         ModelsVerb::Check { name } => check_model(name)?.iter().for_each(|file| say(&checked(file))),
     }
     Ok(())
+}
+
+fn say_added(files: &[Added]) {
+    files.iter().for_each(|added| say(&format!("{}: {}\n", added.path.display(), told(&added.proof))));
+}
+
+/// Bytes after which it is said again how far a download is.
+const SAID_EVERY: u64 = 10_000_000;
+
+/// Says what is fetched and, now and then, how much of it is there.
+fn progress() -> impl FnMut(Fetched<'_>) -> bool {
+    let mut last = (String::new(), 0);
+    move |now| {
+        if last.0 != now.what || now.bytes >= last.1 + SAID_EVERY {
+            let of = now.of.map_or(String::new(), |bytes| format!(" of {:.1}", bytes as f64 / 1e6));
+            eprintln!("{}: {:.1}{of} MB", now.what, now.bytes as f64 / 1e6);
+            last = (now.what.to_owned(), now.bytes);
+        }
+        true
+    }
 }
 
 fn line(row: &Row) -> String {

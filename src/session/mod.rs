@@ -40,7 +40,7 @@ mod surfaces;
 #[cfg(test)]
 mod tests;
 
-pub use crate::engine::nn::{Added, CheckedFile, Proof, Row};
+pub use crate::engine::nn::{Added, CheckedFile, Fetched, Proof, Row};
 pub use command::{
     Command, ExportRequest, FuseRequest, GroundRequest, NewProject, PaintRequest, PromptRequest, RangeChange,
     RangeRequest, Recipe, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest, TakeRequest, TidyRequest,
@@ -54,7 +54,7 @@ pub use event::{Event, JobId, JobView};
 pub use grounding::{FoundThing, Grounding};
 pub use history::{Change, History, Step};
 pub use marks::Marks;
-pub use models::{add_model, check_model, list_models};
+pub use models::{add_model, check_model, install_model, list_models};
 pub use open_project::OpenProject;
 pub use pictures::Pictures;
 pub use project::{FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};

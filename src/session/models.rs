@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-use crate::engine::nn::{Added, Catalogue, CheckedFile, Row, add, check, list, models_folder};
+use crate::engine::nn::{Added, Catalogue, CheckedFile, Fetched, Row, add, check, install, list, models_folder};
 
 /// Every network that is known, and whether it is installed.
 ///
@@ -26,4 +26,13 @@ pub fn add_model(name: &str, files: &[PathBuf]) -> Result<Vec<Added>> {
 /// When it is not installed, does not load or has another interface.
 pub fn check_model(name: &str) -> Result<Vec<CheckedFile>> {
     Ok(check(&Catalogue::bundled()?, &models_folder()?, name)?)
+}
+
+/// Gets a network (or ONNX Runtime) from the net into our data folder and checks it; `told` hears how far it is and whether
+/// to go on. What a broken download left is continued.
+///
+/// # Errors
+/// When the name is unknown, it has no address, a download fails, or a file is not what it should be.
+pub fn install_model(name: &str, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Result<Vec<Added>> {
+    Ok(install(&Catalogue::bundled()?, &models_folder()?, name, told)?)
 }

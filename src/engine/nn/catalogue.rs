@@ -41,6 +41,12 @@ pub struct NetworkFile {
     /// Digest of a file that is known to work, lower-case hexadecimal.
     #[serde(default)]
     pub sha256: Option<String>,
+    /// Where it can be fetched from; `None` where it has to be made.
+    #[serde(default)]
+    pub url: Option<String>,
+    /// Its size, where known.
+    #[serde(default)]
+    pub bytes: Option<u64>,
     /// Whether it is text that goes with a network (the words it knows), not a network.
     #[serde(default, rename = "text")]
     pub is_text: bool,

@@ -50,6 +50,31 @@ pub enum NnError {
         /// What was expected and what is there.
         what: String,
     },
+    /// A file could not be got from the net.
+    #[error(
+        "{url}: cannot be fetched ({what}); what is there is kept for another try; or get it by other means and run `ostra models add`"
+    )]
+    Fetch {
+        /// Its address.
+        url: String,
+        /// Why not.
+        what: String,
+        /// Whether the user stopped it.
+        is_stopped: bool,
+    },
+    /// An installed file is another one than was added.
+    #[error(
+        "{}: was changed since it was added (SHA-256 {expected} then, {found} now); add it again with `ostra models add`",
+        path.display()
+    )]
+    Changed {
+        /// The file.
+        path: PathBuf,
+        /// The digest when it was added.
+        expected: String,
+        /// Its digest.
+        found: String,
+    },
     /// A file is not the one whose digest is known, and nothing else could prove it.
     #[error(
         "{}: is not the file that is known (SHA-256 {expected}, this one has {found}); download it again, or install \

@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 use super::catalogue::{Catalogue, Entry, NetworkFile};
 use super::digest::sha256;
 use super::error::NnError;
+use super::fetch::with_suffix;
 use super::installed::text;
 use super::network::Network;
+use super::records::record;
 use super::runtime::{Runtime, whole};
 
 /// A file that was copied into the folder of networks.
@@ -50,6 +52,7 @@ pub fn add(catalogue: &Catalogue, folder: &Path, name: &str, files: &[PathBuf]) 
     };
     let targets: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
     place(folder, files, &targets)?;
+    record(folder, &targets)?;
     Ok(targets.into_iter().zip(proofs).map(|(path, proof)| Added { path, proof }).collect())
 }
 
@@ -104,7 +107,7 @@ fn place(folder: &Path, files: &[PathBuf], targets: &[PathBuf]) -> Result<(), Nn
         move |source| NnError::Io { path, source }
     };
     fs::create_dir_all(folder).map_err(failed(folder))?;
-    let temporaries: Vec<PathBuf> = targets.iter().map(|target| temporary(target)).collect();
+    let temporaries: Vec<PathBuf> = targets.iter().map(|target| with_suffix(target, ".tmp")).collect();
     let copies = files.iter().zip(&temporaries);
     let copied = copies.into_iter().try_for_each(|(from, to)| copy_durably(from, to).map_err(failed(to)));
     let renames = temporaries.iter().zip(targets);
@@ -123,10 +126,4 @@ fn copy_durably(from: &Path, to: &Path) -> std::io::Result<()> {
     let mut target = File::create(to)?;
     std::io::copy(&mut source, &mut target)?;
     target.sync_all()
-}
-
-fn temporary(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".tmp");
-    PathBuf::from(name)
 }

@@ -3,6 +3,7 @@ use std::path::{Path, PathBuf};
 use super::catalogue::{Catalogue, Entry, NetworkFile};
 use super::error::NnError;
 use super::network::Network;
+use super::records::compare;
 use super::runtime::Runtime;
 use super::signature::Signature;
 
@@ -75,6 +76,7 @@ pub fn check(catalogue: &Catalogue, folder: &Path, name: &str) -> Result<Vec<Che
     let installed = entry.installed(folder).ok_or_else(|| entry.missing(folder))?;
     let runtime = Runtime::find()?;
     let load = |(file, path): (&NetworkFile, PathBuf)| {
+        compare(folder, &path)?;
         if file.is_text {
             text(&path)?;
             return Ok(CheckedFile { path, signature: None, is_compared: false });

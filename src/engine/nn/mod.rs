@@ -1,13 +1,16 @@
-//! Networks in the ONNX format: find ONNX Runtime, load, check names and shapes, run; the catalogue of weights.
+//! Networks in the ONNX format: find ONNX Runtime, load, check names and shapes, run; the catalogue of weights, and getting them.
 //!
-//! May use: `ort` (only here). Must not touch: what the tensors mean.
+//! May use: `ort` (only here), the system's `curl`, `pip` and `tar`. Must not touch: what the tensors mean.
 
 mod catalogue;
 mod digest;
 mod error;
+mod fetch;
+mod get;
 mod install;
 mod installed;
 mod network;
+mod records;
 mod runtime;
 mod search;
 mod signature;
@@ -18,6 +21,7 @@ mod tests;
 
 pub use catalogue::{Catalogue, Entry, NetworkFile};
 pub use error::NnError;
+pub use get::{Fetched, install};
 pub use install::{Added, Proof, add};
 pub use installed::{CheckedFile, Installed, Row, check, list, load, load_text};
 pub use network::Network;

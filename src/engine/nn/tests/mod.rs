@@ -1,6 +1,7 @@
 //! Tests of `engine/nn`.
 
 mod catalogue;
+mod fetch;
 mod install;
 mod network;
 mod runtime;

@@ -1,0 +1,71 @@
+use std::ffi::OsStr;
+use std::fs;
+use std::io::{ErrorKind, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use super::error::NnError;
+
+/// How often it is told how much is there.
+const TOLD_EVERY: Duration = Duration::from_millis(100);
+
+/// Gets a file from the net with the system's `curl`. `told` hears how many bytes are there and whether to go on; what an
+/// interrupted or stopped run left in `into` with `.part` behind its name the next one continues.
+///
+/// # Errors
+/// [`NnError::Fetch`] without `curl`, where the address does not answer, or when stopped; [`NnError::Io`].
+pub fn fetch(url: &str, into: &Path, told: &mut dyn FnMut(u64) -> bool) -> Result<(), NnError> {
+    let part = with_suffix(into, ".part");
+    let begun = part.exists();
+    let mut fetched = run(url, &part, told);
+    if begun && matches!(&fetched, Err(NnError::Fetch { is_stopped: false, .. })) && told(0) {
+        // The server may be unable to continue, or what was there already was all.
+        fs::remove_file(&part).map_err(|source| NnError::Io { path: part.clone(), source })?;
+        fetched = run(url, &part, told);
+    }
+    fetched?;
+    fs::rename(&part, into).map_err(|source| NnError::Io { path: into.to_owned(), source })
+}
+
+fn run(url: &str, part: &Path, told: &mut dyn FnMut(u64) -> bool) -> Result<(), NnError> {
+    let failed = |what: String, is_stopped: bool| NnError::Fetch { url: url.to_owned(), what, is_stopped };
+    let started = Command::new("curl")
+        .args(["--fail", "--location", "--silent", "--show-error", "--continue-at", "-", "--output"])
+        .args([part.as_os_str(), OsStr::new(url)])
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn();
+    let mut curl = started.map_err(|error| match error.kind() {
+        ErrorKind::NotFound => failed("`curl` is not installed".to_owned(), false),
+        _ => failed(error.to_string(), false),
+    })?;
+    let lost = |error: std::io::Error| failed(error.to_string(), false);
+    loop {
+        if let Some(status) = curl.try_wait().map_err(lost)? {
+            told(fs::metadata(part).map_or(0, |file| file.len()));
+            return if status.success() { Ok(()) } else { Err(failed(said(&mut curl), false)) };
+        }
+        if !told(fs::metadata(part).map_or(0, |file| file.len())) {
+            curl.kill().and_then(|()| curl.wait().map(drop)).map_err(lost)?;
+            return Err(failed("stopped".to_owned(), true));
+        }
+        std::thread::sleep(TOLD_EVERY);
+    }
+}
+
+/// The last line that it wrote.
+fn said(curl: &mut Child) -> String {
+    let mut text = String::new();
+    let read = curl.stderr.as_mut().map(|stderr| stderr.read_to_string(&mut text));
+    let told = read.is_some_and(|read| read.is_ok()).then(|| text.lines().last()).flatten();
+    told.unwrap_or("it did not say why").trim_start_matches("curl: ").to_owned()
+}
+
+/// A path with something behind the name of its file.
+pub(super) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    PathBuf::from(name)
+}

@@ -1,0 +1,46 @@
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::digest::sha256;
+use super::error::NnError;
+
+/// Digests of the files that were added, by name, within the folder of networks.
+const RECORDS: &str = "digests.toml";
+
+/// Notes the digests of files as they were added.
+pub(super) fn record(folder: &Path, files: &[PathBuf]) -> Result<(), NnError> {
+    let mut records = read(folder)?;
+    for path in files {
+        records.insert(name(path), digest(path)?);
+    }
+    let path = folder.join(RECORDS);
+    let text = toml::to_string(&records).map_err(|error| NnError::Request(format!("{}: {error}", path.display())))?;
+    fs::write(&path, text).map_err(|source| NnError::Io { path, source })
+}
+
+/// Refuses a file that is another one than was added; one that was put there by hand is not known.
+pub(super) fn compare(folder: &Path, path: &Path) -> Result<(), NnError> {
+    let Some(expected) = read(folder)?.remove(&name(path)) else { return Ok(()) };
+    let found = digest(path)?;
+    if found == expected { Ok(()) } else { Err(NnError::Changed { path: path.to_owned(), expected, found }) }
+}
+
+fn read(folder: &Path) -> Result<BTreeMap<String, String>, NnError> {
+    let path = folder.join(RECORDS);
+    match fs::read_to_string(&path) {
+        Ok(text) => {
+            toml::from_str(&text).map_err(|error| NnError::Request(format!("{}: {error}; delete it", path.display())))
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(BTreeMap::new()),
+        Err(source) => Err(NnError::Io { path, source }),
+    }
+}
+
+fn digest(path: &Path) -> Result<String, NnError> {
+    sha256(path).map_err(|source| NnError::Io { path: path.to_owned(), source })
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}

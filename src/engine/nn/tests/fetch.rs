@@ -1,0 +1,132 @@
+use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::process::Command;
+
+use super::super::fetch::fetch;
+use super::super::{Catalogue, NnError, check, install};
+use super::ready;
+
+/// Whether the system has `curl`; where CI runs it must.
+fn curl() -> bool {
+    let there = Command::new("curl").arg("--version").output().is_ok();
+    assert!(there || std::env::var_os("CI").is_none(), "curl is missing");
+    if !there {
+        println!("skipped: curl is missing");
+    }
+    there
+}
+
+/// Serves a file over HTTP, from where it is asked for; the first answer breaks off after `breaks_at` bytes. Gives its
+/// address.
+fn serve(file: Vec<u8>, breaks_at: usize) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("http://{}/file", listener.local_addr().unwrap());
+    std::thread::spawn(move || {
+        for (number, stream) in listener.incoming().enumerate() {
+            let limit = if number == 0 { breaks_at } else { usize::MAX };
+            answer(&stream.unwrap(), &file, limit);
+        }
+    });
+    address
+}
+
+fn answer(mut stream: &TcpStream, file: &[u8], limit: usize) {
+    let mut from = None;
+    for line in BufReader::new(stream).lines().map_while(Result::ok).take_while(|line| !line.is_empty()) {
+        let range = line.to_lowercase();
+        from = from.or_else(|| range.strip_prefix("range: bytes=")?.trim_end_matches('-').parse::<usize>().ok());
+    }
+    let (start, count) = (from.unwrap_or(0), file.len());
+    let status = if from.is_some() { "206 Partial Content" } else { "200 OK" };
+    let range = format!("Content-Range: bytes {start}-{}/{count}\r\n", count - 1);
+    let range = if from.is_some() { &*range } else { "" };
+    let length = count - start;
+    write!(stream, "HTTP/1.1 {status}\r\nContent-Length: {length}\r\n{range}Connection: close\r\n\r\n").unwrap();
+    let _ = stream.write_all(&file[start..count.min(start.saturating_add(limit))]);
+}
+
+fn bytes(count: usize) -> Vec<u8> {
+    (0..count).map(|at| (at * at % 251) as u8).collect()
+}
+
+#[test]
+fn a_broken_download_is_continued() {
+    if !curl() {
+        return;
+    }
+    let (file, scratch) = (bytes(100_000), tempfile::tempdir().unwrap());
+    let (url, into) = (serve(file.clone(), 40_000), scratch.path().join("file"));
+    let error = fetch(&url, &into, &mut |_| true).unwrap_err();
+    assert!(matches!(&error, NnError::Fetch { is_stopped: false, .. }), "{error}");
+    let part = scratch.path().join("file.part");
+    assert!(fs::metadata(&part).unwrap().len() == 40_000 && !into.exists());
+    // What is there is not asked for again.
+    let mut kept = fs::read(&part).unwrap();
+    kept[0] ^= 1;
+    fs::write(&part, &kept).unwrap();
+    fetch(&url, &into, &mut |_| true).unwrap();
+    let got = fs::read(&into).unwrap();
+    assert!(got[0] == file[0] ^ 1 && got[1..] == file[1..] && !part.exists());
+}
+
+#[test]
+fn a_download_stops_when_asked_to() {
+    if !curl() {
+        return;
+    }
+    let scratch = tempfile::tempdir().unwrap();
+    // Nobody answers.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("http://{}/file", listener.local_addr().unwrap());
+    let error = fetch(&url, &scratch.path().join("file"), &mut |_| false).unwrap_err();
+    assert!(matches!(error, NnError::Fetch { is_stopped: true, .. }), "{error}");
+}
+
+fn catalogue(url: &str, sha256: Option<&str>) -> Catalogue {
+    let digest = sha256.map_or(String::new(), |digest| format!("sha256 = \"{digest}\"\n"));
+    let text = format!(
+        "[[entry]]\nname = \"xfeat\"\npurpose = \"p\"\nlicence = \"MIT\"\nsource = \"https://s\"\n[[entry.file]]\n\
+         name = \"n.onnx\"\nurl = \"{url}\"\n{digest}"
+    );
+    toml::from_str(&text).unwrap()
+}
+
+#[test]
+fn a_network_is_fetched_checked_and_remembered() {
+    let Some((_, folder)) = ready() else { return };
+    if !curl() {
+        return;
+    }
+    let network = fs::read(folder.join("yolox_nano.onnx")).unwrap();
+    let scratch = tempfile::tempdir().unwrap();
+    let (url, target) = (serve(network.clone(), usize::MAX), scratch.path().join("models"));
+    let wrong = install(&catalogue(&url, Some("00")), &target, "xfeat", &mut |_| true).unwrap_err();
+    assert!(matches!(&wrong, NnError::Digest { .. }) && !target.join("n.onnx").exists(), "{wrong}");
+    let (good, mut most) = (catalogue(&url, None), 0);
+    let added = install(&good, &target, "xfeat", &mut |now| {
+        assert!(now.what.contains("MIT"), "the licence is told: {}", now.what);
+        most = now.bytes.max(most);
+        true
+    });
+    assert!(fs::read(&added.unwrap()[0].path).unwrap() == network && most == network.len() as u64);
+    assert!(!target.join("downloads").exists());
+    check(&good, &target, "xfeat").unwrap();
+    let spoilt = |path: &Path| {
+        let mut bytes = fs::read(path).unwrap();
+        *bytes.last_mut().unwrap() ^= 1;
+        fs::write(path, bytes).unwrap();
+    };
+    spoilt(&target.join("n.onnx"));
+    let error = check(&good, &target, "xfeat").unwrap_err();
+    assert!(matches!(&error, NnError::Changed { .. }), "{error}");
+}
+
+#[test]
+fn what_has_no_address_says_how_to_get_it() {
+    let scratch = tempfile::tempdir().unwrap();
+    let error = install(&Catalogue::bundled().unwrap(), scratch.path(), "superpoint", &mut |_| true).unwrap_err();
+    assert!(error.to_string().contains("assets/export/superglue.py"), "{error}");
+    assert!(fs::read_dir(scratch.path()).unwrap().next().is_none(), "nothing is left behind");
+}
