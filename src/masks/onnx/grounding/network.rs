@@ -65,10 +65,7 @@ impl GroundingDino {
         let shown = Shown::new(image)?;
         progress.step(0, 1)?;
         let size_px = DVec2::new(image.width.into(), image.height.into());
-        let known = self.last.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let known = known.filter(|(before, _)| *before == shown).map(|(_, answer)| answer);
-        let known = known.filter(|answer| answer.caption == caption && answer.size_px == size_px);
-        let answer = if let Some(answer) = known {
+        let answer = if let Some(answer) = self.known(&shown, &caption, size_px) {
             answer
         } else {
             let (logits, boxes) = self.run(&shown, &caption, progress)?;
@@ -78,6 +75,14 @@ impl GroundingDino {
         };
         progress.step(1, 1)?;
         Ok(answer)
+    }
+
+    /// The last answer, where it was to the same question.
+    fn known(&self, shown: &Shown, caption: &Caption, size_px: DVec2) -> Option<Arc<Answer>> {
+        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let (before, answer) = last.as_ref()?;
+        let is_same = before == shown && answer.caption == *caption && answer.size_px == size_px;
+        is_same.then(|| Arc::clone(answer))
     }
 
     /// Logits and boxes of every query.
