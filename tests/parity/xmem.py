@@ -4,7 +4,7 @@
     git clone https://github.com/hkchengrex/XMem OFFICIAL
     pip install torch onnx pillow
     python3 tests/parity/xmem.py OUT --official OFFICIAL [--size tiny|full] [--frames FOLDER] [--seed S]
-                                 [--fault bgr|shift|no-memory] [--no-test]
+                                 [--cases consolidated added] [--fault bgr|shift|no-memory] [--no-test]
 
 Builds the official network with seeded weights, exports them with `assets/export/xmem.py`, has the official code follow
 three objects through 30 pictures, and writes all to OUT; then the crate's own test follows them with the exported
@@ -37,6 +37,7 @@ FRAMES = 30
 COVERED = (0.02, 0.60)
 CHANGED = 0.03
 DRAWS = 200
+CASES = ["consolidated", "added"]
 SAMPLES = 20_000  # places that the last layer is fitted to
 MEAN, DEVIATION = [0.485, 0.456, 0.406], [0.229, 0.224, 0.225]
 
@@ -95,12 +96,15 @@ class Official:
 
 
 def made_pictures():
-    """Three shapes that move before a gradient."""
+    """Three shapes that move before a gradient that changes too.
+
+    Cells that look exactly alike could be matched in any order.
+    """
     height, width = 60, 90
     y, x = np.mgrid[:height, :width] / height
     for t in range(FRAMES):
         s = t / FRAMES
-        picture = np.stack([200 * y, 60 + 90 * x, 220 - 120 * y * x], -1)
+        picture = np.stack([200 * y + 25 * s, 60 + 90 * x - 30 * s, 220 - 120 * y * x + 20 * s * x], -1)
         shapes = shapes_at(x, y, s)
         for shape, colour in zip(shapes, [(230, 200, 40), (30, 60, 90), (190, 40, 150)]):
             picture[shape] = np.array(colour) + 12 * np.sin(9 * (x[shape] + y[shape]))[:, None]
@@ -154,14 +158,15 @@ def limits(**changed):
     return usual | changed
 
 
-def cases(mask, size):
+def cases(mask, size, chosen):
     """What is told at which frame, and how much is remembered."""
     only = lambda *labels: np.where(np.isin(mask, labels), mask, 0).astype(np.uint8)  # noqa: E731
     many = size.name == "xmem"
     low = limits(num_prototypes=128, max_long_term_elements=600) if many else limits()
     # Limits that are not reached: the official code does not consolidate objects that come later.
     high = limits(max_mid_term_frames=40, min_mid_term_frames=20)
-    return {"consolidated": (low, {0: mask}), "added": (high, {0: only(1, 2), 5: only(3), 12: only(1)})}
+    all_cases = {"consolidated": (low, {0: mask}), "added": (high, {0: only(1, 2), 5: only(3), 12: only(1)})}
+    return {name: all_cases[name] for name in chosen}
 
 
 def prepared(picture, side, fault):
@@ -334,7 +339,8 @@ def main():
     parser.add_argument("--frames", type=Path)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--side", type=int, help="shorter side that the network sees", default=None)
-    parser.add_argument("--every", type=int, default=5, help="write probabilities of every so many frames")
+    parser.add_argument("--every", type=int, default=14, help="write probabilities of every so many frames")
+    parser.add_argument("--cases", nargs="+", choices=CASES, default=CASES)
     parser.add_argument("--fault", choices=["bgr", "shift", "no-memory"])
     parser.add_argument("--no-test", action="store_true")
     asked = parser.parse_args()
@@ -344,7 +350,7 @@ def main():
     check_names(official)
     asked.out.mkdir(parents=True, exist_ok=True)
     shown = pictures(asked.frames)
-    told = cases(given_mask(shown[0], asked.frames), size)
+    told = cases(given_mask(shown[0], asked.frames), size, asked.cases)
     with torch.no_grad():
         if asked.fault == "no-memory":
             remembered = official.manager.match_memory

@@ -1,12 +1,14 @@
-//! Networks behind the seams of masks: Segment Anything, YOLOX, Grounding DINO.
+//! Networks behind the seams of masks: Segment Anything, Grounding DINO, XMem, DeAOT, YOLOX.
 //!
 //! May use: engine::nn, engine::job, frames, the nouns of masks. Must not touch: cameras, 3-D, UI.
 
 mod boxes;
 mod coco;
 pub mod grounding;
+mod propagate;
 mod resize;
 pub mod sam;
+pub mod xmem;
 mod yolox;
 
 pub use yolox::Yolox;

@@ -26,7 +26,36 @@ pub(super) fn resized(pixels: &[[u8; 3]], from: (usize, usize), to: (usize, usiz
     out
 }
 
+/// The same picture without rounding: `[3, rows, columns]`, 0–255, as PyTorch's bilinear filter with antialiasing makes it.
+pub(super) fn resized_planes(pixels: &[[u8; 3]], from: (usize, usize), to: (usize, usize)) -> Vec<f32> {
+    let columns = weights(from.0, to.0);
+    let mut wide = vec![[0.0f32; 3]; to.0 * from.1];
+    wide.par_chunks_mut(to.0).zip(pixels.par_chunks(from.0)).for_each(|(out, row)| {
+        for (out, (first, weights)) in out.iter_mut().zip(&columns) {
+            for (weight, pixel) in weights.iter().zip(&row[*first..]) {
+                out.iter_mut().zip(pixel).for_each(|(sum, &value)| *sum += *weight as f32 * f32::from(value));
+            }
+        }
+    });
+    let rows = weights(from.1, to.1);
+    let mut out = vec![0.0; 3 * to.0 * to.1];
+    out.par_chunks_mut(to.0).enumerate().for_each(|(line, out)| {
+        let (channel, (first, weights)) = (line / to.1, &rows[line % to.1]);
+        for (weight, row) in weights.iter().zip(wide[first * to.0..].chunks_exact(to.0)) {
+            out.iter_mut().zip(row).for_each(|(sum, value)| *sum += *weight as f32 * value[channel]);
+        }
+    });
+    out
+}
+
 fn taps(from: usize, to: usize) -> Vec<Taps> {
+    let fixed = |weight: f64| (weight * f64::from(1 << PRECISION) + 0.5) as i64;
+    let one = |(first, weights): (usize, Vec<f64>)| Taps { first, weights: weights.into_iter().map(fixed).collect() };
+    weights(from, to).into_iter().map(one).collect()
+}
+
+/// By new pixel the first old one that counts, and the weights of it and those after it; they sum to 1.
+fn weights(from: usize, to: usize) -> Vec<(usize, Vec<f64>)> {
     let scale = from as f64 / to as f64;
     let reach = scale.max(1.0);
     let one = |at: usize| {
@@ -35,8 +64,7 @@ fn taps(from: usize, to: usize) -> Vec<Taps> {
         let end = ((middle + reach + 0.5) as usize).min(from);
         let weight = |at: usize| (1.0 - ((at as f64 - middle + 0.5) / reach).abs()).max(0.0);
         let sum: f64 = (first..end).map(weight).sum();
-        let fixed = |at: usize| (weight(at) / sum * f64::from(1 << PRECISION) + 0.5) as i64;
-        Taps { first, weights: (first..end).map(fixed).collect() }
+        (first, (first..end).map(|at| weight(at) / sum).collect())
     };
     (0..to).map(one).collect()
 }
@@ -60,6 +88,18 @@ mod tests {
     fn the_same_size_changes_nothing() {
         let pixels: Vec<[u8; 3]> = (0..15).map(|at| [at, 2 * at, 255 - at]).collect();
         assert_eq!(resized(&pixels, (5, 3), (5, 3)), pixels);
+    }
+
+    #[test]
+    fn planes_are_the_same_picture_unrounded() {
+        let pixels: Vec<[u8; 3]> = (0..63u8).map(|at| [at, 3 * at, 255 - at]).collect();
+        for to in [(4, 5), (20, 11)] {
+            let (bytes, planes) = (resized(&pixels, (9, 7), to), resized_planes(&pixels, (9, 7), to));
+            for (channel, plane) in planes.chunks_exact(to.0 * to.1).enumerate() {
+                let near = |(byte, value): (&[u8; 3], &f32)| (f32::from(byte[channel]) - value).abs() <= 1.01;
+                assert!(bytes.iter().zip(plane).all(near), "two roundings of half a step");
+            }
+        }
     }
 
     #[test]
