@@ -4,6 +4,7 @@
 
 mod boxes;
 mod coco;
+pub mod deaot;
 pub mod grounding;
 mod propagate;
 mod resize;
