@@ -1,5 +1,5 @@
 use super::memory::{LongMemory, Memory};
-use super::network::{Deaot, Features, OBJECTS, Seen, told};
+use super::network::{Features, OBJECTS, Running, Seen, told};
 use super::options::DeaotOptions;
 use crate::engine::nn::Tensor;
 use crate::masks::MaskError;
@@ -19,7 +19,7 @@ impl Group {
     /// Of group `at`, from 0, and a picture in which its objects are given; `numbers` row by row at the network's size
     /// of `shown` (columns, rows).
     pub fn new(
-        networks: &Deaot,
+        networks: Running<'_>,
         at: usize,
         picture: (&Features, &[usize], (usize, usize)),
         options: &DeaotOptions,
@@ -33,7 +33,7 @@ impl Group {
     /// A further picture in which the objects are given.
     pub fn remember(
         &mut self,
-        networks: &Deaot,
+        networks: Running<'_>,
         (features, numbers, shown): (&Features, &[usize], (usize, usize)),
     ) -> Result<(), MaskError> {
         self.short = networks.remember(features, &one_hot(numbers, self.first, shown)?)?;
@@ -43,7 +43,7 @@ impl Group {
     }
 
     /// The objects in the next picture.
-    pub fn propagate(&mut self, networks: &Deaot, features: &Features) -> Result<Seen, MaskError> {
+    pub fn propagate(&mut self, networks: Running<'_>, features: &Features) -> Result<Seen, MaskError> {
         self.since += 1;
         networks.propagate(features, &self.long.memory, &self.short)
     }
@@ -51,7 +51,7 @@ impl Group {
     /// Keeps of that picture what the next one needs, now that its mask is known.
     pub fn keep(
         &mut self,
-        networks: &Deaot,
+        networks: Running<'_>,
         seen: Seen,
         (numbers, shown): (&[usize], (usize, usize)),
         options: &DeaotOptions,

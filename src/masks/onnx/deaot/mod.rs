@@ -2,7 +2,7 @@
 //!
 //! Yang, Yang: "Decoupling Features in Hierarchical Propagation for Video Object Segmentation", NeurIPS 2022.
 //!
-//! May use: engine::nn, frames, the nouns of masks, the seam of `propagate`. Must not touch: files, cameras, 3-D, UI.
+//! May use: engine::nn, engine::job, frames, the nouns of masks, the seam of `propagate`. Must not touch: files, cameras, 3-D, UI.
 
 mod answer;
 mod group;
@@ -12,7 +12,8 @@ mod options;
 mod picture;
 #[cfg(test)]
 mod tests;
+mod tracker;
 mod walk;
 
-pub use network::Deaot;
 pub use options::DeaotOptions;
+pub use tracker::Deaot;

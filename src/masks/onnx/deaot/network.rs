@@ -1,15 +1,11 @@
-use std::path::Path;
-use std::sync::Arc;
-
 use super::memory::{Memory, PARTS};
-use super::options::DeaotOptions;
-use super::walk::Walk;
-use crate::engine::nn::{Network, NnError, Tensor, load};
+use crate::engine::job::{Progress, Stopped};
+use crate::engine::nn::{Network, NnError, Tensor};
 use crate::masks::MaskError;
 
-/// DeAOT in four networks, shared by all walks through pictures.
+/// The four networks, shared by all walks through pictures.
 #[derive(Debug)]
-pub struct Deaot {
+pub(super) struct Networks {
     encoder: Network,
     remember: Network,
     propagate: Network,
@@ -46,16 +42,7 @@ pub(super) struct Seen {
     traces: Vec<Tensor>,
 }
 
-impl Deaot {
-    /// The networks `deaot`, or another of the catalogue with the same inputs, of a folder of networks.
-    ///
-    /// # Errors
-    /// When it is not installed there, does not load, or ONNX Runtime is missing.
-    pub fn load(folder: &Path, name: &str) -> Result<Self, NnError> {
-        let networks = <[Network; 4]>::try_from(load(folder, name)?);
-        Self::new(networks.map_err(|_| NnError::Request(format!("`{name}` does not have four networks")))?)
-    }
-
+impl Networks {
     /// Of encoder, remember, propagate and identify as `assets/export/deaot.py` writes them.
     ///
     /// # Errors
@@ -74,54 +61,74 @@ impl Deaot {
         Ok(Self { encoder, remember, propagate, identify, names })
     }
 
-    /// A walk through pictures that remembers nothing yet.
-    pub(in crate::masks::onnx) fn walk(self: &Arc<Self>, options: DeaotOptions) -> Walk {
-        Walk::new(Arc::clone(self), options)
+    /// To be run as long as they are wanted.
+    pub fn running<'a>(&'a self, progress: &'a Progress) -> Running<'a> {
+        Running { networks: self, progress }
+    }
+}
+
+/// The networks, run until the user stops it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Running<'a> {
+    networks: &'a Networks,
+    progress: &'a Progress,
+}
+
+impl<'a> Running<'a> {
+    fn names(self) -> &'a Names {
+        &self.networks.names
     }
 
-    pub(super) fn encode(&self, image: &Tensor) -> Result<Features, MaskError> {
-        let mut given = Given::of(&self.encoder, &[("image", image)])?;
+    fn run(self, network: &'a Network, fed: &[(&str, &Tensor)]) -> Result<Given<'a>, MaskError> {
+        self.progress.check()?;
+        let is_wanted = || self.progress.check().is_ok();
+        let given = network.run_while(fed, &is_wanted).map_err(told)?.ok_or(Stopped)?;
+        Ok(Given { network, tensors: given.into_iter().map(Some).collect() })
+    }
+
+    pub fn encode(self, image: &Tensor) -> Result<Features, MaskError> {
+        let mut given = self.run(&self.networks.encoder, &[("image", image)])?;
         let [fine, middle, coarse, embedding] = FEATURES.map(|name| given.take(name, 4));
         Ok(Features([fine?, middle?, coarse?, embedding?]))
     }
 
     /// What is to be kept of a picture whose mask, `[1, 11, rows, columns]` of zeros and ones, is given.
-    pub(super) fn remember(&self, features: &Features, mask: &Tensor) -> Result<Memory, MaskError> {
+    pub fn remember(self, features: &Features, mask: &Tensor) -> Result<Memory, MaskError> {
         let Features([.., embedding]) = features;
-        let mut given = Given::of(&self.remember, &[("embedding", embedding), ("mask", mask)])?;
+        let mut given = self.run(&self.networks.remember, &[("embedding", embedding), ("mask", mask)])?;
         let layer = |[key, value, identity]: &[String; PARTS]| {
             Ok([given.take(key, 2)?, given.take(value, 2)?, given.take(identity, 2)?])
         };
-        Ok(Memory { layers: self.names.memory.iter().map(layer).collect::<Result<_, MaskError>>()? })
+        Ok(Memory { layers: self.names().memory.iter().map(layer).collect::<Result<_, MaskError>>()? })
     }
 
     /// Where the objects are in a picture, from what was kept of others and of the one before.
-    pub(super) fn propagate(&self, features: &Features, long: &Memory, short: &Memory) -> Result<Seen, MaskError> {
+    pub fn propagate(self, features: &Features, long: &Memory, short: &Memory) -> Result<Seen, MaskError> {
         let Features(features) = features;
-        let terms = [(&self.names.long, long), (&self.names.short, short)];
+        let terms = [(&self.names().long, long), (&self.names().short, short)];
         let memories = terms.into_iter().flat_map(|(names, memory)| {
             names.as_flattened().iter().map(String::as_str).zip(memory.layers.as_flattened())
         });
         let fed: Vec<(&str, &Tensor)> = FEATURES.into_iter().zip(features).chain(memories).collect();
-        let mut given = Given::of(&self.propagate, &fed)?;
+        let mut given = self.run(&self.networks.propagate, &fed)?;
         let logits = given.take("logits", 4)?;
         if logits.shape()[1] != OBJECTS + 1 {
             return Err(given.unfit("logits"));
         }
         let layer = |[key, value, _]: &[String; PARTS]| Ok([given.take(key, 2)?, given.take(value, 2)?]);
-        let kept = self.names.memory.iter().map(layer).collect::<Result<_, MaskError>>()?;
-        let traces = self.names.traces.iter().map(|name| given.take(name, 2)).collect::<Result<_, MaskError>>()?;
+        let kept = self.names().memory.iter().map(layer).collect::<Result<_, MaskError>>()?;
+        let traces = self.names().traces.iter().map(|name| given.take(name, 2)).collect::<Result<_, MaskError>>()?;
         Ok(Seen { logits, kept, traces })
     }
 
     /// What is to be kept of a picture that was propagated to, now that its mask is known.
-    pub(super) fn identify(&self, seen: Seen, mask: &Tensor) -> Result<Memory, MaskError> {
-        let traces = self.names.traces.iter().map(String::as_str).zip(&seen.traces);
+    pub fn identify(self, seen: Seen, mask: &Tensor) -> Result<Memory, MaskError> {
+        let traces = self.names().traces.iter().map(String::as_str).zip(&seen.traces);
         let fed: Vec<(&str, &Tensor)> = [("mask", mask)].into_iter().chain(traces).collect();
-        let mut given = Given::of(&self.identify, &fed)?;
+        let mut given = self.run(&self.networks.identify, &fed)?;
         let layer =
             |([key, value], [.., name]): ([Tensor; 2], &[String; PARTS])| Ok([key, value, given.take(name, 2)?]);
-        let layers = seen.kept.into_iter().zip(&self.names.memory).map(layer);
+        let layers = seen.kept.into_iter().zip(&self.names().memory).map(layer);
         Ok(Memory { layers: layers.collect::<Result<_, MaskError>>()? })
     }
 }
@@ -156,12 +163,7 @@ struct Given<'a> {
     tensors: Vec<Option<Tensor>>,
 }
 
-impl<'a> Given<'a> {
-    fn of(network: &'a Network, fed: &[(&str, &Tensor)]) -> Result<Self, MaskError> {
-        let tensors = network.run(fed).map_err(told)?.into_iter().map(Some).collect();
-        Ok(Self { network, tensors })
-    }
-
+impl Given<'_> {
     fn take(&mut self, name: &str, dimensions: usize) -> Result<Tensor, MaskError> {
         let at = self.network.signature().outputs.iter().position(|port| port.name == name);
         let tensor = at.and_then(|at| self.tensors.get_mut(at)?.take());

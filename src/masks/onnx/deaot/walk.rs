@@ -1,9 +1,8 @@
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
 use super::answer::{probabilities, winners};
 use super::group::Group;
-use super::network::{Deaot, Features, OBJECTS, Seen, told};
+use super::network::{Features, OBJECTS, Running, Seen, told};
 use super::options::DeaotOptions;
 use super::picture::{fed, nearest, shown_size};
 use crate::frames::Image;
@@ -13,8 +12,8 @@ use crate::masks::{LabelId, LabelMask, MaskError};
 /// A walk through pictures: labels are numbered as they appear, every ten are a group of their own, and the groups'
 /// answers are brought together.
 #[derive(Debug)]
-pub(in crate::masks::onnx) struct Walk {
-    networks: Arc<Deaot>,
+pub(super) struct Walk<'a> {
+    networks: Running<'a>,
     options: DeaotOptions,
     /// Columns and rows that the network sees, as of the first picture: what is remembered lies on one grid of cells.
     shown: Option<(usize, usize)>,
@@ -35,14 +34,14 @@ struct Last {
     numbers: Vec<usize>,
 }
 
-impl Walk {
-    pub(super) fn new(networks: Arc<Deaot>, options: DeaotOptions) -> Self {
+impl<'a> Walk<'a> {
+    pub fn new(networks: Running<'a>, options: DeaotOptions) -> Self {
         Self { networks, options, shown: None, labels: Vec::new(), groups: Vec::new(), last: None }
     }
 
     /// Logits of every group for the picture that was propagated to last.
     #[cfg(test)]
-    pub(super) fn last_logits(&self) -> Vec<&crate::engine::nn::Tensor> {
+    pub fn last_logits(&self) -> Vec<&crate::engine::nn::Tensor> {
         self.last.iter().flat_map(|last| &last.seen).map(|seen| &seen.logits).collect()
     }
 
@@ -61,7 +60,7 @@ impl Walk {
     fn look(&mut self, image: &Image) -> Result<(Last, Vec<f32>), MaskError> {
         self.keep_last()?;
         let features = self.features(image)?;
-        let networks = &self.networks;
+        let networks = self.networks;
         let seen = self.groups.iter_mut().map(|group| group.propagate(networks, &features));
         let seen = seen.collect::<Result<Vec<_>, _>>()?;
         let logits: Vec<_> = seen.iter().map(|seen| &seen.logits).collect();
@@ -77,7 +76,7 @@ impl Walk {
         let shown = self.shown(&last.image);
         let numbers = nearest(&last.numbers, (last.image.width as usize, last.image.height as usize), shown);
         for (group, seen) in self.groups.iter_mut().zip(last.seen) {
-            group.keep(&self.networks, seen, (&numbers, shown), &self.options)?;
+            group.keep(self.networks, seen, (&numbers, shown), &self.options)?;
         }
         Ok(())
     }
@@ -119,7 +118,7 @@ impl Walk {
     }
 }
 
-impl Propagator for Walk {
+impl Propagator for Walk<'_> {
     fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
         check(image)?;
         if (mask.width, mask.height) != (image.width, image.height) || mask.ids.len() != image.pixels.len() {
@@ -142,10 +141,10 @@ impl Propagator for Walk {
         let numbers = nearest(&numbers, (image.width as usize, image.height as usize), shown);
         let picture = (&features, numbers.as_slice(), shown);
         for group in &mut self.groups {
-            group.remember(&self.networks, picture)?;
+            group.remember(self.networks, picture)?;
         }
         for at in self.groups.len()..self.labels.len().div_ceil(OBJECTS) {
-            self.groups.push(Group::new(&self.networks, at, picture, &self.options)?);
+            self.groups.push(Group::new(self.networks, at, picture, &self.options)?);
         }
         Ok(())
     }

@@ -17,6 +17,6 @@ fn networks_in_another_order_are_refused() {
 #[test]
 fn networks_that_are_not_installed_are_named() {
     let folder = tempfile::tempdir().unwrap();
-    let error = Deaot::load(folder.path(), "deaot").unwrap_err();
+    let error = Deaot::load(folder.path()).unwrap_err();
     assert!(error.to_string().contains("deaot"), "{error}");
 }

@@ -1,10 +1,11 @@
 //! Labels and what is remembered of them, with small networks of random weights.
 
 use super::super::DeaotOptions;
-use super::tiny_networks;
+use super::{runtime, tiny_networks};
+use crate::engine::job::Progress;
 use crate::frames::Image;
 use crate::masks::onnx::propagate::{Propagated, Propagator};
-use crate::masks::{LabelId, LabelMask};
+use crate::masks::{LabelId, LabelMask, MaskError};
 
 const WIDTH: u32 = 110;
 const HEIGHT: u32 = 60;
@@ -37,9 +38,10 @@ fn difference(a: &Propagated, b: &Propagated) -> f32 {
 
 #[test]
 fn labels_come_ascending_whichever_was_told_first() {
-    let Some(networks) = tiny_networks() else { return };
+    let Some(deaot) = tiny_networks(DeaotOptions::default()) else { return };
+    let progress = Progress::default();
     let walk = |first: u16, second: u16| {
-        let mut walk = networks.walk(DeaotOptions::default());
+        let mut walk = deaot.walk(&progress);
         walk.remember(&picture(0), &mask(&[(first, 20, 45)])).unwrap();
         walk.propagate(&picture(1)).unwrap();
         walk.remember(&picture(1), &mask(&[(second, 70, 100)])).unwrap();
@@ -60,10 +62,11 @@ fn labels_come_ascending_whichever_was_told_first() {
 
 #[test]
 fn mask_told_before_or_after_the_picture_is_answered_is_the_same() {
-    let Some(networks) = tiny_networks() else { return };
+    let Some(deaot) = tiny_networks(DeaotOptions::default()) else { return };
+    let progress = Progress::default();
     let told = mask(&[(2, 60, 90)]);
     let walk = |is_answered: bool| {
-        let mut walk = networks.walk(DeaotOptions::default());
+        let mut walk = deaot.walk(&progress);
         walk.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
         // The fifth picture would be remembered for long, had nothing been told.
         (1..5).for_each(|at| drop(walk.propagate(&picture(at)).unwrap()));
@@ -78,9 +81,10 @@ fn mask_told_before_or_after_the_picture_is_answered_is_the_same() {
 
 #[test]
 fn correction_counts_and_an_empty_mask_does_not() {
-    let Some(networks) = tiny_networks() else { return };
+    let Some(deaot) = tiny_networks(DeaotOptions::default()) else { return };
+    let progress = Progress::default();
     let walk = |told: Option<LabelMask>| {
-        let mut walk = networks.walk(DeaotOptions::default());
+        let mut walk = deaot.walk(&progress);
         walk.remember(&picture(0), &mask(&[(1, 20, 45), (2, 60, 80)])).unwrap();
         walk.propagate(&picture(1)).unwrap();
         told.into_iter().for_each(|told| walk.remember(&picture(1), &told).unwrap());
@@ -96,10 +100,14 @@ fn correction_counts_and_an_empty_mask_does_not() {
 
 #[test]
 fn bound_of_the_memory_changes_nothing_until_it_is_reached() {
-    let Some(networks) = tiny_networks() else { return };
+    if runtime().is_none() {
+        return;
+    }
+    let progress = Progress::default();
     let walk = |most_remembered: usize| -> Vec<Propagated> {
         let options = DeaotOptions { remembered_every: 1, most_remembered, ..DeaotOptions::default() };
-        let mut walk = networks.walk(options);
+        let deaot = tiny_networks(options).unwrap();
+        let mut walk = deaot.walk(&progress);
         walk.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
         (1..7).map(|at| walk.propagate(&picture(at)).unwrap()).collect()
     };
@@ -110,8 +118,10 @@ fn bound_of_the_memory_changes_nothing_until_it_is_reached() {
 
 #[test]
 fn each_picture_is_answered_at_its_own_size() {
-    let Some(networks) = tiny_networks() else { return };
-    let mut walk = networks.walk(DeaotOptions { longest_side: 97, ..DeaotOptions::default() });
+    let options = DeaotOptions { longest_side: 97, ..DeaotOptions::default() };
+    let Some(deaot) = tiny_networks(options) else { return };
+    let progress = Progress::default();
+    let mut walk = deaot.walk(&progress);
     walk.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
     let turned = Image { width: HEIGHT, height: WIDTH, pixels: picture(1).pixels };
     let found = walk.propagate(&turned).unwrap();
@@ -122,8 +132,9 @@ fn each_picture_is_answered_at_its_own_size() {
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let Some(networks) = tiny_networks() else { return };
-    let mut walk = networks.walk(DeaotOptions::default());
+    let Some(deaot) = tiny_networks(DeaotOptions::default()) else { return };
+    let progress = Progress::default();
+    let mut walk = deaot.walk(&progress);
     let error = walk.propagate(&picture(0)).unwrap_err();
     assert!(error.to_string().contains("no mask to carry"), "{error}");
     walk.remember(&picture(0), &mask(&[])).unwrap();
@@ -132,4 +143,14 @@ fn what_does_not_fit_is_refused() {
     assert!(error.to_string().contains("110×3"), "{error}");
     let cut = Image { pixels: Vec::new(), ..picture(0) };
     assert!(walk.remember(&cut, &mask(&[(1, 0, 9)])).is_err());
+}
+
+#[test]
+fn a_stopped_walk_ends() {
+    let Some(deaot) = tiny_networks(DeaotOptions::default()) else { return };
+    let progress = Progress::default();
+    let mut walk = deaot.walk(&progress);
+    walk.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
+    progress.stop();
+    assert!(matches!(walk.propagate(&picture(1)), Err(MaskError::Stopped(_))));
 }

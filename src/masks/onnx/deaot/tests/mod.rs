@@ -5,9 +5,8 @@ mod labels;
 mod parity;
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use super::Deaot;
+use super::{Deaot, DeaotOptions};
 use crate::engine::nn::{Network, Runtime};
 use crate::masks::onnx::propagate::Propagated;
 use crate::masks::{LabelId, LabelMask};
@@ -25,15 +24,17 @@ fn runtime() -> Option<Runtime> {
 }
 
 /// The networks of four files in a folder.
-fn networks(folder: &Path, files: &[String; 4]) -> Option<Arc<Deaot>> {
+fn networks(folder: &Path, files: &[String; 4]) -> Option<Deaot> {
     let runtime = runtime()?;
     let load = |file: &String| Network::load(&runtime, &folder.join(file), None).unwrap();
-    Some(Arc::new(Deaot::new(files.each_ref().map(load)).unwrap()))
+    Some(Deaot::new(files.each_ref().map(load)).unwrap())
 }
 
-fn tiny_networks() -> Option<Arc<Deaot>> {
+fn tiny_networks(options: DeaotOptions) -> Option<Deaot> {
     let files = ["encoder", "remember", "propagate", "identify"].map(|part| format!("deaot-tiny-{part}.onnx"));
-    networks(&tiny(), &files)
+    let mut deaot = networks(&tiny(), &files)?;
+    deaot.options = options;
+    Some(deaot)
 }
 
 /// The most probable label of every pixel.

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use serde::Deserialize;
 
@@ -10,6 +9,7 @@ use super::super::network::OBJECTS;
 use super::super::walk::Walk;
 use super::super::{Deaot, DeaotOptions};
 use super::{networks, tiny};
+use crate::engine::job::Progress;
 use crate::frames::Image;
 use crate::masks::onnx::propagate::Propagator;
 use crate::masks::{LabelId, LabelMask};
@@ -94,8 +94,9 @@ impl Folder {
     }
 
     /// Walks as the reference did, through pictures changed by `seen`.
-    fn walk(&self, networks: &Arc<Deaot>, case: &Case, options: DeaotOptions, seen: fn(Image) -> Image) -> Difference {
-        let mut walk = networks.walk(options);
+    fn walk(&self, deaot: &Deaot, case: &Case, seen: fn(Image) -> Image) -> Difference {
+        let progress = Progress::default();
+        let mut walk = deaot.walk(&progress);
         let mut difference = Difference::default();
         for at in 0..self.reference.frames {
             let image = seen(self.picture(at));
@@ -112,7 +113,7 @@ impl Folder {
         difference
     }
 
-    fn compare_logits(&self, case: &Case, expected: &FrameReference, walk: &Walk, difference: &mut Difference) {
+    fn compare_logits(&self, case: &Case, expected: &FrameReference, walk: &Walk<'_>, difference: &mut Difference) {
         let found = walk.last_logits();
         assert!(expected.groups.is_empty() || expected.groups.len() == found.len());
         for (place, found) in expected.groups.iter().zip(&found) {
@@ -145,9 +146,9 @@ fn folder() -> Folder {
 #[test]
 fn every_logit_and_mask_is_that_of_the_reference() {
     let folder = folder();
-    let Some(networks) = networks(&folder.path, &folder.reference.networks) else { return };
+    let Some(deaot) = networks(&folder.path, &folder.reference.networks) else { return };
     for case in &folder.reference.cases {
-        let found = folder.walk(&networks, case, DeaotOptions::default(), |image| image);
+        let found = folder.walk(&deaot, case, |image| image);
         println!("{}: {found:?}, deviation {:.2}, {} pictures", case.name, case.deviation, case.frames.len());
         assert!(found.logits < TOLERANCE && 1.0 - found.labels >= ALIKE, "{}: {found:?}", case.name);
         let (least, most) = found.covers.unwrap();
@@ -159,15 +160,14 @@ fn every_logit_and_mask_is_that_of_the_reference() {
 #[test]
 fn blue_for_red_half_a_pixel_and_no_memory_are_noticed() {
     let folder = Folder::open(&tiny());
-    let Some(networks) = networks(&folder.path, &folder.reference.networks) else { return };
+    let Some(mut deaot) = networks(&folder.path, &folder.reference.networks) else { return };
     let case = &folder.reference.cases[0];
-    let options = DeaotOptions::default();
-    let swapped = folder.walk(&networks, case, options, |mut image| {
+    let swapped = folder.walk(&deaot, case, |mut image| {
         image.pixels.iter_mut().for_each(|pixel| pixel.reverse());
         image
     });
     assert!(swapped.logits > 10.0 * TOLERANCE, "blue for red: {swapped:?}");
-    let shifted = folder.walk(&networks, case, options, |mut image| {
+    let shifted = folder.walk(&deaot, case, |mut image| {
         for row in image.pixels.chunks_exact_mut(image.width as usize) {
             for x in 1..row.len() {
                 row[x - 1] = std::array::from_fn(|channel| row[x - 1][channel].midpoint(row[x][channel]));
@@ -176,7 +176,8 @@ fn blue_for_red_half_a_pixel_and_no_memory_are_noticed() {
         image
     });
     assert!(shifted.logits > 10.0 * TOLERANCE, "half a pixel to the left: {shifted:?}");
-    let forgetful = DeaotOptions { remembered_every: usize::MAX, ..options };
-    let forgotten = folder.walk(&networks, case, forgetful, |image| image);
+    deaot.options = DeaotOptions { remembered_every: usize::MAX, ..deaot.options };
+    let forgotten = folder.walk(&deaot, case, |image| image);
+    println!("faults: {:.2}, {:.2}, {:.2}", swapped.logits, shifted.logits, forgotten.logits);
     assert!(forgotten.logits > 10.0 * TOLERANCE, "only the first picture remembered for long: {forgotten:?}");
 }
