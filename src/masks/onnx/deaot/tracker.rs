@@ -6,6 +6,8 @@ use super::options::DeaotOptions;
 use super::walk::Walk;
 use crate::engine::job::Progress;
 use crate::engine::nn::{Network, NnError, load};
+use crate::masks::onnx::propagate::{Propagator, track};
+use crate::masks::{MaskError, TrackRequest, TrackedFrame, Tracker};
 
 /// DeAOT: carries masks of any number of labels through films, ten at once. Clones share the networks.
 #[derive(Debug, Clone)]
@@ -36,5 +38,20 @@ impl Deaot {
     /// A walk through pictures that remembers nothing yet.
     pub(super) fn walk<'a>(&'a self, progress: &'a Progress) -> Walk<'a> {
         Walk::new(self.networks.running(progress), self.options)
+    }
+}
+
+impl Tracker for Deaot {
+    fn name(&self) -> &'static str {
+        "deaot"
+    }
+
+    fn track(
+        &self,
+        request: &TrackRequest,
+        emit: &mut dyn FnMut(TrackedFrame),
+        progress: &Progress,
+    ) -> Result<Vec<String>, MaskError> {
+        track(request, emit, progress, &|| -> Box<dyn Propagator + '_> { Box::new(self.walk(progress)) })
     }
 }

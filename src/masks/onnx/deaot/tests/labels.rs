@@ -11,7 +11,7 @@ const WIDTH: u32 = 110;
 const HEIGHT: u32 = 60;
 
 /// A bright square that moves over a gradient.
-fn picture(at: u32) -> Image {
+pub(super) fn picture(at: u32) -> Image {
     let pixel = |x: u32, y: u32| {
         let is_in = (20 + 3 * at..45 + 3 * at).contains(&x) && (15..40).contains(&y);
         if is_in { [230, 210, 60] } else { [x as u8, 2 * y as u8, (x + y) as u8] }
@@ -21,7 +21,7 @@ fn picture(at: u32) -> Image {
 }
 
 /// Columns from `first` to `last` (left out) of every label.
-fn mask(labels: &[(u16, u32, u32)]) -> LabelMask {
+pub(super) fn mask(labels: &[(u16, u32, u32)]) -> LabelMask {
     let mut mask = LabelMask::empty(WIDTH, HEIGHT);
     for &(label, first, last) in labels {
         for at in (0..WIDTH * HEIGHT).filter(|at| (first..last).contains(&(at % WIDTH))) {

@@ -3,6 +3,7 @@
 mod errors;
 mod labels;
 mod parity;
+mod tracker;
 
 use std::path::{Path, PathBuf};
 
