@@ -121,7 +121,7 @@ fn every_box_and_score_is_that_of_the_reference() {
                 found.boxes.len()
             );
             assert!(boxes < TOLERANCE && scores < TOLERANCE && logits < TOLERANCE, "{}", of.picture);
-            assert!(of_boxes > 0.1 && of_logits > 0.1, "tensors that are all alike prove nothing");
+            assert!(of_boxes > 0.1 && of_logits > 0.05, "tensors that are all alike prove nothing");
         }
     }
 }
