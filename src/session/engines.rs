@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail, ensure};
 
-use super::networks::{KeptSam, SAM_NETWORKS, grounding_dino, yolox};
+use super::networks::{KeptSam, KeptTracker, SAM_NETWORKS, grounding_dino, yolox};
 use super::{Project, TrackSettings};
 use crate::engine::nn::{Catalogue, Runtime, models_folder};
 use crate::frames::Frame;
@@ -60,7 +60,7 @@ pub struct Engine {
 /// Every engine that the command line names, `auto` first within its kind.
 #[must_use]
 pub fn engines() -> Vec<Engine> {
-    const WEIGHTS: &str = "network weights, which this version cannot load yet; use what needs none";
+    const NETWORKS: &str = "its networks and ONNX Runtime; add both with 'ostra models add'";
     const SAM: &str = "the networks sam-vit-b or mobile-sam and ONNX Runtime; add both with 'ostra models add'";
     const GROUNDER: &str = "the networks grounding-dino or yolox and ONNX Runtime; add both with 'ostra models add'";
     const GROUNDING_DINO: &str = "the network grounding-dino and ONNX Runtime; add both with 'ostra models add'";
@@ -82,8 +82,8 @@ pub fn engines() -> Vec<Engine> {
         grounder("grounding-dino", is_usable("grounding-dino"), GROUNDING_DINO),
         grounder("yolox", is_usable("yolox"), YOLOX),
         tracker("auto", true, "what the tracker it takes needs"),
-        tracker("xmem", false, WEIGHTS),
-        tracker("deaot", false, WEIGHTS),
+        tracker("xmem", is_usable("xmem"), NETWORKS),
+        tracker("deaot", is_usable("deaot"), NETWORKS),
         tracker("geometry", true, "depth and cameras of the frames"),
         tracker("flow", true, "nothing"),
         features("auto", true, "nothing; takes sift, the most accurate"),
@@ -144,20 +144,27 @@ pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box
     check_installed(EngineKind::Tracker, &settings.tracker)?;
     ensure!(
         !settings.constrain,
-        "--constrain needs a tracker with network weights, which this version cannot load yet"
+        "--constrain cannot be done yet; track with 'geometry', which only knows what geometry allows"
     );
     let has_geometry = |frame: &Frame| frame.depth.is_some() && frame.posed_camera().is_some();
     let (frames, any) = (&project.frames, project.frames.iter().any(has_geometry));
     // Depth made of some frames alone says nothing of those between.
     let everywhere = frames.iter().any(Frame::has_sensor_depth) || frames.iter().all(has_geometry);
-    match settings.tracker.as_str() {
-        "flow" => Ok(Box::new(FlowTracker::default())),
-        "auto" if !(any && everywhere) => Ok(Box::new(FlowTracker::default())),
+    let name = match settings.tracker.as_str() {
+        "auto" if any && everywhere => "geometry",
+        // On films networks are far ahead of flow.
+        "auto" => ["xmem", "deaot"].into_iter().find(|network| is_usable(network)).unwrap_or("flow"),
+        name => name,
+    };
+    Ok(match name {
+        "flow" => Box::new(FlowTracker::default()),
+        "xmem" => Box::new(KeptTracker::XMem),
+        "deaot" => Box::new(KeptTracker::Deaot),
         _ => {
             ensure!(any, "'geometry' needs frames with depth and cameras; add both first, or track with 'flow'");
-            Ok(Box::new(GeometryTracker::default()))
+            Box::new(GeometryTracker::default())
         }
-    }
+    })
 }
 
 /// The first network behind `superglue` that can be used: what is photographed is mostly outdoors, or looks like it.

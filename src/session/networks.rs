@@ -4,9 +4,11 @@ use crate::engine::job::Progress;
 use crate::engine::nn::{NnError, models_folder};
 use crate::frames::{DepthMap, Image};
 use crate::masks::onnx::Yolox;
+use crate::masks::onnx::deaot::Deaot;
 use crate::masks::onnx::grounding::GroundingDino;
 use crate::masks::onnx::sam::Sam;
-use crate::masks::{MaskError, PreparedFrame, Segmenter, TextGrounder};
+use crate::masks::onnx::xmem::XMem;
+use crate::masks::{MaskError, PreparedFrame, Segmenter, TextGrounder, TrackRequest, TrackedFrame, Tracker};
 
 /// A network that is loaded when it is first needed, on the thread that needs it, and kept for the life of the program.
 struct Kept<T>(Mutex<Option<Arc<T>>>);
@@ -30,6 +32,8 @@ impl<T> Kept<T> {
 static SAM: Kept<Sam> = Kept::new();
 static YOLOX: Kept<Yolox> = Kept::new();
 static GROUNDING_DINO: Kept<GroundingDino> = Kept::new();
+static XMEM: Kept<XMem> = Kept::new();
+static DEAOT: Kept<Deaot> = Kept::new();
 
 /// Networks that can stand behind the segmenter `sam`, the most exact first.
 pub(super) const SAM_NETWORKS: [&str; 2] = ["sam-vit-b", "mobile-sam"];
@@ -63,4 +67,32 @@ pub(super) fn yolox() -> Result<Arc<dyn TextGrounder>, MaskError> {
 /// Grounding DINO; loads it where it was not needed before.
 pub(super) fn grounding_dino() -> Result<Arc<dyn TextGrounder>, MaskError> {
     Ok(GROUNDING_DINO.get(|| GroundingDino::load(&models_folder()?))?)
+}
+
+/// A tracker whose networks are loaded when it first tracks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum KeptTracker {
+    XMem,
+    Deaot,
+}
+
+impl Tracker for KeptTracker {
+    fn name(&self) -> &'static str {
+        match self {
+            Self::XMem => "xmem",
+            Self::Deaot => "deaot",
+        }
+    }
+
+    fn track(
+        &self,
+        request: &TrackRequest,
+        emit: &mut dyn FnMut(TrackedFrame),
+        progress: &Progress,
+    ) -> Result<Vec<String>, MaskError> {
+        match self {
+            Self::XMem => XMEM.get(|| XMem::load(&models_folder()?))?.track(request, emit, progress),
+            Self::Deaot => DEAOT.get(|| Deaot::load(&models_folder()?))?.track(request, emit, progress),
+        }
+    }
 }

@@ -47,7 +47,9 @@ fn another_network_is_not_added() {
 fn a_network_without_a_known_interface_is_loaded_only() {
     let Some((_, folder)) = ready() else { return };
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
-    let added = add(&catalogue, scratch.path(), "efficient-sam", &[folder.join("xfeat.onnx"), folder.join("xfeat.onnx")]).unwrap();
+    let added =
+        add(&catalogue, scratch.path(), "efficient-sam", &[folder.join("xfeat.onnx"), folder.join("xfeat.onnx")])
+            .unwrap();
     assert_eq!(added[0].proof, Proof::Loads);
     assert!(!check(&catalogue, scratch.path(), "efficient-sam").unwrap()[0].is_compared);
 }
