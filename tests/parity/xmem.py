@@ -235,7 +235,7 @@ def calibrate(official, model, size, shown, mask, asked):
     y = wanted.flatten()[::every].double()
     weight = torch.where(y > 0, (y < 0).sum() / len(y), (y > 0).sum() / len(y))[:, None]
     square = x.T @ (weight * x)
-    square += torch.eye(len(square)) * square.diagonal().mean() * 1e-3
+    square += torch.eye(len(square)) * square.diagonal().mean() * 1e-2
     solved = torch.linalg.solve(square, x.T @ (weight[:, 0] * y)).float()
     model.decoder.pred.weight.copy_(solved[:-1].reshape(model.decoder.pred.weight.shape))
     model.decoder.pred.bias.copy_(solved[-1:])

@@ -84,8 +84,6 @@ struct Differences {
     covers: (f64, f64),
     /// Elements of working and long-term memory at the end, by group.
     sizes: Vec<(usize, usize)>,
-    /// Standard deviation of the reference's probabilities.
-    deviation: f64,
 }
 
 impl Folder {
@@ -136,27 +134,24 @@ impl Folder {
         let progress = Progress::default();
         let mut walk = xmem.walk(&progress);
         let (given, expected) = (self.masks(&case.given_masks), self.masks(&case.masks));
-        let mut found = Differences {
-            probability: 0.0,
-            equal: 1.0,
-            covers: (1.0, 0.0),
-            sizes: Vec::new(),
-            deviation: f64::INFINITY,
-        };
+        let mut found = Differences { probability: 0.0, equal: 1.0, covers: (1.0, 0.0), sizes: Vec::new() };
         for (at, picture) in pictures.iter().enumerate() {
             if let Some(told) = case.given.iter().position(|&frame| frame == at) {
                 walk.remember(picture, &given[told]).unwrap();
                 continue;
             }
             let answer = walk.propagate(picture).unwrap();
-            found.compare(&labels(&answer), &expected[at].ids, answer.labels.len());
+            let equal = found.compare(&labels(&answer), &expected[at].ids, answer.labels.len());
+            print!("frame {at}: {equal:.5} of the pixels are equal");
             if let Some(known) = case.probabilities.iter().find(|known| known.frame == at) {
                 let expected = self.tensor(&known.tensor);
                 assert_eq!(answer.probabilities.len(), expected.len());
                 let pairs = expected.iter().zip(&answer.probabilities);
-                found.probability = pairs.map(|(a, b)| (a - b).abs()).fold(found.probability, f32::max);
-                found.deviation = found.deviation.min(deviation(expected));
+                let largest = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                print!(", probabilities differ by {largest:.1e}, their deviation is {:.3}", deviation(expected));
+                found.probability = found.probability.max(largest);
             }
+            println!();
         }
         found.sizes = walk.sizes();
         found
@@ -164,7 +159,8 @@ impl Folder {
 }
 
 impl Differences {
-    fn compare(&mut self, found: &[LabelId], expected: &[LabelId], count: usize) {
+    /// The share of equal pixels.
+    fn compare(&mut self, found: &[LabelId], expected: &[LabelId], count: usize) -> f64 {
         let total = expected.len() as f64;
         let equal = found.iter().zip(expected).filter(|(a, b)| a == b).count() as f64 / total;
         self.equal = self.equal.min(equal);
@@ -172,6 +168,7 @@ impl Differences {
             let share = expected.iter().filter(|id| usize::from(id.0) == label).count() as f64 / total;
             self.covers = (self.covers.0.min(share), self.covers.1.max(share));
         }
+        equal
     }
 
     fn is_same(&self) -> bool {
