@@ -31,6 +31,7 @@ pub(super) fn track(args: TrackArgs) -> Result<()> {
         labels: args.label.iter().map(|name| label_id(project, name)).collect::<Result<_>>()?,
         replace: args.replace,
         pause_below: args.pause_below,
+        short_side: args.short_side,
     };
     let settings = match args.around {
         Some(frame) => settings.around(project, frame)?,

@@ -302,6 +302,10 @@ pub struct TrackSettings {
     /// The run ends at the first frame on which it is less sure of a label than this, 0–1; none = it goes on.
     #[serde(default)]
     pub pause_below: Option<f32>,
+    /// Shorter side of the pictures that a network sees, px, at least 64: more shows thinner things and takes longer; none =
+    /// what it was evaluated with. For `xmem` and `deaot`.
+    #[serde(default)]
+    pub short_side: Option<u32>,
 }
 
 impl Default for TrackSettings {
@@ -316,6 +320,7 @@ impl Default for TrackSettings {
             labels: Vec::new(),
             replace: false,
             pause_below: None,
+            short_side: None,
         }
     }
 }

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail, ensure};
 
-use super::networks::{KeptSam, KeptTracker, SAM_NETWORKS, grounding_dino, yolox};
+use super::networks::{KeptSam, KeptTracker, SAM_NETWORKS, TrackNetwork, grounding_dino, yolox};
 use super::{Project, TrackSettings};
 use crate::engine::nn::{Catalogue, Runtime, models_folder};
 use crate::frames::Frame;
@@ -156,10 +156,16 @@ pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box
         "auto" => ["xmem", "deaot"].into_iter().find(|network| is_usable(network)).unwrap_or("flow"),
         name => name,
     };
+    let longer = |frame: &Frame| f64::from(frame.width.max(frame.height)) / f64::from(frame.width.min(frame.height));
+    let seen = settings.short_side.map(|side| (side, frames.first().map_or(1.0, longer)));
+    ensure!(
+        seen.is_none() || matches!(name, "xmem" | "deaot"),
+        "only 'xmem' and 'deaot' see pictures in another size, not '{name}'; leave --short-side out"
+    );
     Ok(match name {
         "flow" => Box::new(FlowTracker::default()),
-        "xmem" => Box::new(KeptTracker::XMem),
-        "deaot" => Box::new(KeptTracker::Deaot),
+        "xmem" => Box::new(KeptTracker { network: TrackNetwork::XMem, seen }),
+        "deaot" => Box::new(KeptTracker { network: TrackNetwork::Deaot, seen }),
         _ => {
             ensure!(any, "'geometry' needs frames with depth and cameras; add both first, or track with 'flow'");
             Box::new(GeometryTracker::default())

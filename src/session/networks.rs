@@ -69,18 +69,27 @@ pub(super) fn grounding_dino() -> Result<Arc<dyn TextGrounder>, MaskError> {
     Ok(GROUNDING_DINO.get(|| GroundingDino::load(&models_folder()?))?)
 }
 
-/// A tracker whose networks are loaded when it first tracks.
+/// A network that carries masks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum KeptTracker {
+pub(super) enum TrackNetwork {
     XMem,
     Deaot,
 }
 
+/// A tracker whose networks are loaded when it first tracks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct KeptTracker {
+    pub(super) network: TrackNetwork,
+    /// Shorter side of the pictures that it sees, px, and how much longer the longer side is; `None` = what it was evaluated
+    /// with.
+    pub(super) seen: Option<(u32, f64)>,
+}
+
 impl Tracker for KeptTracker {
     fn name(&self) -> &'static str {
-        match self {
-            Self::XMem => "xmem",
-            Self::Deaot => "deaot",
+        match self.network {
+            TrackNetwork::XMem => "xmem",
+            TrackNetwork::Deaot => "deaot",
         }
     }
 
@@ -90,9 +99,18 @@ impl Tracker for KeptTracker {
         emit: &mut dyn FnMut(TrackedFrame),
         progress: &Progress,
     ) -> Result<Vec<String>, MaskError> {
-        match self {
-            Self::XMem => XMEM.get(|| XMem::load(&models_folder()?))?.track(request, emit, progress),
-            Self::Deaot => DEAOT.get(|| Deaot::load(&models_folder()?))?.track(request, emit, progress),
+        match self.network {
+            TrackNetwork::XMem => {
+                let mut xmem = XMem::clone(&*XMEM.get(|| XMem::load(&models_folder()?))?);
+                xmem.options.short_side = self.seen.map_or(xmem.options.short_side, |(side, _)| Some(side));
+                xmem.track(request, emit, progress)
+            }
+            TrackNetwork::Deaot => {
+                let mut deaot = Deaot::clone(&*DEAOT.get(|| Deaot::load(&models_folder()?))?);
+                let longest = self.seen.map(|(side, longer)| (f64::from(side) * longer).round() as u32);
+                deaot.options.longest_side = longest.unwrap_or(deaot.options.longest_side);
+                deaot.track(request, emit, progress)
+            }
         }
     }
 }

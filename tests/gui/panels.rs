@@ -147,6 +147,18 @@ fn one_label_is_re_tracked_around_a_corrected_frame() {
 }
 
 #[test]
+fn the_size_that_networks_see_is_asked_where_one_is_installed() {
+    let mut desk = Desk::sample();
+    for engine in desk.engines.iter_mut().filter(|engine| engine.name == "xmem") {
+        engine.installed = true;
+    }
+    let harness = desk.shown();
+    assert_eq!(harness.get_by_label("Shorter side seen").accesskit_node().numeric_value(), Some(480.0));
+    let without = Desk::sample().shown();
+    assert!(without.query_by_label("Shorter side seen").is_none(), "our own trackers see pictures as they are");
+}
+
+#[test]
 fn errors_are_shown_once_and_can_be_dismissed() {
     let mut harness = Desk::sample().shown();
     for _ in 0..2 {

@@ -1,8 +1,9 @@
 use std::ffi::OsStr;
 use std::fs;
-use std::io::{ErrorKind, Read};
+use std::io::{BufRead, BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{ChildStderr, Command, Stdio};
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
 use super::error::NnError;
@@ -42,25 +43,30 @@ fn run(url: &str, part: &Path, told: &mut dyn FnMut(u64) -> bool) -> Result<(), 
         _ => failed(error.to_string(), false),
     })?;
     let lost = |error: std::io::Error| failed(error.to_string(), false);
-    loop {
-        if let Some(status) = curl.try_wait().map_err(lost)? {
-            told(fs::metadata(part).map_or(0, |file| file.len()));
-            return if status.success() { Ok(()) } else { Err(failed(said(&mut curl), false)) };
+    let bytes = || fs::metadata(part).map_or(0, |file| file.len());
+    let (ended, waited) = channel();
+    let stderr = curl.stderr.take();
+    // Ends with `curl`, which then closes what it writes to.
+    std::thread::spawn(move || ended.send(last_line(stderr)));
+    let said = loop {
+        match waited.recv_timeout(TOLD_EVERY) {
+            Err(RecvTimeoutError::Timeout) if !told(bytes()) => {
+                curl.kill().and_then(|()| curl.wait().map(drop)).map_err(lost)?;
+                return Err(failed("stopped".to_owned(), true));
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            said => break said.unwrap_or_default(),
         }
-        if !told(fs::metadata(part).map_or(0, |file| file.len())) {
-            curl.kill().and_then(|()| curl.wait().map(drop)).map_err(lost)?;
-            return Err(failed("stopped".to_owned(), true));
-        }
-        std::thread::sleep(TOLD_EVERY);
-    }
+    };
+    let status = curl.wait().map_err(lost)?;
+    told(bytes());
+    if status.success() { Ok(()) } else { Err(failed(said, false)) }
 }
 
-/// The last line that it wrote.
-fn said(curl: &mut Child) -> String {
-    let mut text = String::new();
-    let read = curl.stderr.as_mut().map(|stderr| stderr.read_to_string(&mut text));
-    let told = read.is_some_and(|read| read.is_ok()).then(|| text.lines().last()).flatten();
-    told.unwrap_or("it did not say why").trim_start_matches("curl: ").to_owned()
+/// The last line that `curl` wrote.
+fn last_line(stderr: Option<ChildStderr>) -> String {
+    let lines = stderr.into_iter().flat_map(|stderr| BufReader::new(stderr).lines().map_while(Result::ok));
+    lines.last().unwrap_or_default().trim_start_matches("curl: ").to_owned()
 }
 
 /// A path with something behind the name of its file.

@@ -226,6 +226,7 @@ fn describe(settings: &TrackSettings, only: &str) -> String {
     words.extend(settings.constrain.then(|| "constrained".to_owned()));
     words.extend((!only.is_empty()).then(|| format!("only {only}")));
     words.extend(settings.pause_below.map(|least| format!("pausing below {least}")));
+    words.extend(settings.short_side.map(|side| format!("seen with {side} px")));
     words.extend(settings.replace.then(|| "over other labels".to_owned()));
     words.join(", ")
 }
