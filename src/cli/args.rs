@@ -208,7 +208,8 @@ pub(super) struct TrackArgs {
     /// End at the first frame on which a label is less sure than this.
     #[arg(long, value_name = "C", value_parser = values::share)]
     pub pause_below: Option<f32>,
-    /// Shorter side of the pictures that xmem and deaot see; more shows thinner things and takes longer.
+    /// Shorter side of the pictures that xmem and deaot see; more shows thinner things and takes longer (deaot never
+    /// enlarges).
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=4096))]
     pub short_side: Option<u32>,
 }

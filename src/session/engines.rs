@@ -159,8 +159,12 @@ pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box
     let longer = |frame: &Frame| f64::from(frame.width.max(frame.height)) / f64::from(frame.width.min(frame.height));
     let seen = settings.short_side.map(|side| (side, frames.first().map_or(1.0, longer)));
     ensure!(
+        settings.short_side.is_none_or(|side| (64..=4096).contains(&side)),
+        "networks see pictures with 64 to 4096 pixels along the shorter side; choose another number"
+    );
+    ensure!(
         seen.is_none() || matches!(name, "xmem" | "deaot"),
-        "only 'xmem' and 'deaot' see pictures in another size, not '{name}'; leave --short-side out"
+        "only 'xmem' and 'deaot' see pictures in another size, not '{name}'; name one of them, or choose no size"
     );
     Ok(match name {
         "flow" => Box::new(FlowTracker::default()),

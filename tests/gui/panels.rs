@@ -147,15 +147,19 @@ fn one_label_is_re_tracked_around_a_corrected_frame() {
 }
 
 #[test]
-fn the_size_that_networks_see_is_asked_where_one_is_installed() {
-    let mut desk = Desk::sample();
-    for engine in desk.engines.iter_mut().filter(|engine| engine.name == "xmem") {
-        engine.installed = true;
-    }
-    let harness = desk.shown();
+fn the_size_that_a_network_sees_can_be_chosen() {
+    let mut harness = Desk::sample().shown();
+    assert!(harness.query_by_label("own size").is_none(), "our own trackers see pictures as they are");
+    harness.state_mut().shell.view.track.tracker = "xmem".into();
+    harness.run_steps(2);
+    assert!(harness.query_by_label("Shorter side seen").is_none());
+    harness.get_by_label("own size").click();
+    harness.run_steps(2);
     assert_eq!(harness.get_by_label("Shorter side seen").accesskit_node().numeric_value(), Some(480.0));
-    let without = Desk::sample().shown();
-    assert!(without.query_by_label("Shorter side seen").is_none(), "our own trackers see pictures as they are");
+    assert_eq!(harness.state().shell.view.track.short_side, Some(480));
+    harness.state_mut().shell.view.track.tracker = "flow".into();
+    harness.run_steps(2);
+    assert_eq!(harness.state().shell.view.track.short_side, None);
 }
 
 #[test]

@@ -381,7 +381,7 @@ fn what_comes_later_says_what_it_needs() {
     done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
     assert!(refused(&["track", &project, "--tracker", "xmem"]).contains("xmem"));
     let said = refused(&["track", &project, "--tracker", "flow", "--short-side", "480"]);
-    assert!(said.contains("--short-side") && said.contains("'flow'"), "{said}");
+    assert!(said.contains("'xmem' and 'deaot'") && said.contains("'flow'"), "{said}");
     assert_eq!(ostra(&["prompt"]).status.code(), Some(2));
     assert_eq!(ostra(&["frobnicate"]).status.code(), Some(1), "a path that is not there cannot be opened");
 }

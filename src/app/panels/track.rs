@@ -18,11 +18,11 @@ pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
         let last = look.project.frames.len().saturating_sub(1);
         field(ui, "From frame", "First frame to track", |ui| bound_ui(ui, &mut view.track.from, 0, last));
         field(ui, "To frame", "Last frame to track (included)", |ui| bound_ui(ui, &mut view.track.to, last, last));
-        let is_learned = |name: &str| matches!(name, "xmem" | "deaot");
-        if look.engines_of(EngineKind::Tracker).any(|engine| engine.installed && is_learned(engine.name)) {
-            let tip =
-                "Shorter side of the pictures that XMem and DeAOT see; more shows thinner things and takes longer";
+        if matches!(view.track.tracker.as_str(), "xmem" | "deaot") {
+            let tip = "Shorter side of the pictures that the network sees; more shows thinner things and takes longer";
             field(ui, "Seen with", tip, |ui| short_side_ui(ui, &mut view.track.short_side));
+        } else {
+            view.track.short_side = None;
         }
     });
     let tip = "Holds the masks against the anchors' masks carried through geometry (needs depth and cameras)";
@@ -100,17 +100,6 @@ fn direction_ui(ui: &mut Ui, direction: &mut Direction) {
 }
 
 /// A frame number that stays empty (= the end of the sequence) until it is changed.
-fn short_side_ui(ui: &mut Ui, short_side: &mut Option<u32>) {
-    let mut value = short_side.unwrap_or(480);
-    let drag = ui.add(DragValue::new(&mut value).range(64..=4096).speed(2).suffix(" px"));
-    if drag.accessible_name("Shorter side seen").changed() {
-        *short_side = Some(value);
-    }
-    if short_side.is_some() && ui.small_button("Reset").on_hover_text("Back to what it was evaluated with").clicked() {
-        *short_side = None;
-    }
-}
-
 fn bound_ui(ui: &mut Ui, bound: &mut Option<usize>, default: usize, last: usize) {
     let mut value = bound.unwrap_or(default);
     let drag = ui.add(DragValue::new(&mut value).range(0..=last).speed(0.2));
@@ -119,5 +108,17 @@ fn bound_ui(ui: &mut Ui, bound: &mut Option<usize>, default: usize, last: usize)
     }
     if bound.is_some() && ui.small_button("Reset").on_hover_text("Back to the end of the sequence").clicked() {
         *bound = None;
+    }
+}
+
+/// A size that stays empty (= what the network was evaluated with) until it is chosen.
+fn short_side_ui(ui: &mut Ui, short_side: &mut Option<u32>) {
+    let mut own = short_side.is_some();
+    if ui.checkbox(&mut own, "own size").on_hover_text("Off: the size that it was evaluated with").changed() {
+        *short_side = own.then_some(480);
+    }
+    if let Some(side) = short_side {
+        let drag = DragValue::new(side).range(64..=4096).speed(2).suffix(" px");
+        ui.add(drag).accessible_name("Shorter side seen");
     }
 }

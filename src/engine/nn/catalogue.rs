@@ -106,6 +106,15 @@ impl Entry {
         self.files.iter().map(|file| file.name.clone()).collect()
     }
 
+    /// The error for files that cannot be fetched.
+    pub(super) fn without_address(&self) -> NnError {
+        let Self { name, source, .. } = self;
+        let words = if self.file_names().len() == 1 { "FILE" } else { "FILE…" };
+        NnError::Request(format!(
+            "`{name}` has no address to be fetched from; get it from {source} and run `ostra models add {name} {words}`"
+        ))
+    }
+
     /// The error for one of its files that is not in `folder`.
     pub(super) fn missing(&self, folder: &Path) -> NnError {
         let Self { name, source, .. } = self;

@@ -18,21 +18,36 @@ const TOLD_EVERY: Duration = Duration::from_millis(100);
 /// [`NnError::Fetch`] without `curl`, where the address does not answer, or when stopped; [`NnError::Io`].
 pub fn fetch(url: &str, into: &Path, told: &mut dyn FnMut(u64) -> bool) -> Result<(), NnError> {
     let part = with_suffix(into, ".part");
-    let begun = part.exists();
-    let mut fetched = run(url, &part, told);
-    if begun && matches!(&fetched, Err(NnError::Fetch { is_stopped: false, .. })) && told(0) {
-        // The server may be unable to continue, or what was there already was all.
+    let mut outcome = run(url, &part, told)?;
+    if part.exists() && outcome.cannot_resume() && told(0) {
         fs::remove_file(&part).map_err(|source| NnError::Io { path: part.clone(), source })?;
-        fetched = run(url, &part, told);
+        outcome = run(url, &part, told)?;
     }
-    fetched?;
+    if outcome.code != Some(0) {
+        return Err(NnError::Fetch { url: url.to_owned(), what: outcome.said, is_stopped: false });
+    }
     fs::rename(&part, into).map_err(|source| NnError::Io { path: into.to_owned(), source })
 }
 
-fn run(url: &str, part: &Path, told: &mut dyn FnMut(u64) -> bool) -> Result<(), NnError> {
+/// How `curl` ended.
+struct Outcome {
+    code: Option<i32>,
+    /// The last line that it wrote.
+    said: String,
+}
+
+impl Outcome {
+    /// Whether the server cannot continue, or has nothing beyond what is there.
+    fn cannot_resume(&self) -> bool {
+        matches!(self.code, Some(33 | 36)) || self.code == Some(22) && self.said.contains("416")
+    }
+}
+
+fn run(url: &str, part: &Path, told: &mut dyn FnMut(u64) -> bool) -> Result<Outcome, NnError> {
     let failed = |what: String, is_stopped: bool| NnError::Fetch { url: url.to_owned(), what, is_stopped };
     let started = Command::new("curl")
-        .args(["--fail", "--location", "--silent", "--show-error", "--continue-at", "-", "--output"])
+        .args(["--fail", "--location", "--silent", "--show-error", "--connect-timeout", "30"])
+        .args(["--speed-limit", "1", "--speed-time", "60", "--continue-at", "-", "--output"])
         .args([part.as_os_str(), OsStr::new(url)])
         .stdin(Stdio::null())
         .stdout(Stdio::null())
@@ -60,7 +75,7 @@ fn run(url: &str, part: &Path, told: &mut dyn FnMut(u64) -> bool) -> Result<(), 
     };
     let status = curl.wait().map_err(lost)?;
     told(bytes());
-    if status.success() { Ok(()) } else { Err(failed(said, false)) }
+    Ok(Outcome { code: status.code(), said })
 }
 
 /// The last line that `curl` wrote.

@@ -38,9 +38,9 @@ pub fn install(
     told: &mut dyn FnMut(Fetched<'_>) -> bool,
 ) -> Result<Vec<Added>, NnError> {
     let entry = catalogue.entry(name)?;
-    let downloads = folder.join(UNDER_WAY);
+    let downloads = folder.join(UNDER_WAY).join(name);
     let urls = entry.files().iter().map(|file| file.url.as_deref().zip(Some(file)));
-    let urls = urls.collect::<Option<Vec<_>>>().ok_or_else(|| entry.missing(folder))?;
+    let urls = urls.collect::<Option<Vec<_>>>().ok_or_else(|| entry.without_address())?;
     fs::create_dir_all(&downloads).map_err(|source| NnError::Io { path: downloads.clone(), source })?;
     let files = if entry.is_library() {
         vec![library(&downloads, told)?]
@@ -48,7 +48,8 @@ pub fn install(
         urls.into_iter().map(|(url, file)| download(entry, file, url, &downloads, told)).collect::<Result<_, _>>()?
     };
     let added = add(catalogue, folder, name, &files)?;
-    fs::remove_dir_all(&downloads).map_err(|source| NnError::Io { path: downloads, source })?;
+    // What is left there does no harm.
+    let _ = fs::remove_dir_all(&downloads);
     Ok(added)
 }
 
@@ -61,7 +62,9 @@ fn download(
 ) -> Result<PathBuf, NnError> {
     let into = downloads.join(&file.name);
     let what = format!("{} ({})", file.name, entry.licence);
-    fetch(url, &into, &mut |bytes| told(Fetched { what: &what, bytes, of: file.bytes }))?;
+    if !into.exists() {
+        fetch(url, &into, &mut |bytes| told(Fetched { what: &what, bytes, of: file.bytes }))?;
+    }
     let Some(expected) = file.sha256.clone() else { return Ok(into) };
     let failed = |source| NnError::Io { path: into.clone(), source };
     let found = sha256(&into).map_err(failed)?;

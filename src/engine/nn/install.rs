@@ -7,7 +7,7 @@ use super::error::NnError;
 use super::fetch::with_suffix;
 use super::installed::text;
 use super::network::Network;
-use super::records::record;
+use super::records::{digests, record};
 use super::runtime::{Runtime, whole};
 
 /// A file that was copied into the folder of networks.
@@ -51,8 +51,9 @@ pub fn add(catalogue: &Catalogue, folder: &Path, name: &str, files: &[PathBuf]) 
         prove_networks(entry, files)?
     };
     let targets: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
+    let digests = digests(files)?;
     place(folder, files, &targets)?;
-    record(folder, &targets)?;
+    record(folder, &targets, digests)?;
     Ok(targets.into_iter().zip(proofs).map(|(path, proof)| Added { path, proof }).collect())
 }
 

@@ -5,6 +5,7 @@ use super::error::NnError;
 use super::network::Network;
 use super::records::compare;
 use super::runtime::Runtime;
+use super::search::library_name;
 use super::signature::Signature;
 
 /// One line of the list of networks.
@@ -70,6 +71,10 @@ pub fn list(catalogue: &Catalogue, folder: &Path) -> Vec<Row> {
 pub fn check(catalogue: &Catalogue, folder: &Path, name: &str) -> Result<Vec<CheckedFile>, NnError> {
     let entry = catalogue.entry(name)?;
     if entry.is_library() {
+        let own = folder.join(library_name());
+        if own.exists() {
+            compare(folder, &own)?;
+        }
         let path = Runtime::find()?.path().to_owned();
         return Ok(vec![CheckedFile { path, signature: None, is_compared: false }]);
     }

@@ -8,15 +8,19 @@ use super::error::NnError;
 /// Digests of the files that were added, by name, within the folder of networks.
 const RECORDS: &str = "digests.toml";
 
-/// Notes the digests of files as they were added.
-pub(super) fn record(folder: &Path, files: &[PathBuf]) -> Result<(), NnError> {
+/// Digests of files.
+pub(super) fn digests(files: &[PathBuf]) -> Result<Vec<String>, NnError> {
+    files.iter().map(|path| digest(path)).collect()
+}
+
+/// Notes the digests of files that were added.
+pub(super) fn record(folder: &Path, files: &[PathBuf], digests: Vec<String>) -> Result<(), NnError> {
     let mut records = read(folder)?;
-    for path in files {
-        records.insert(name(path), digest(path)?);
-    }
-    let path = folder.join(RECORDS);
+    records.extend(files.iter().map(|path| name(path)).zip(digests));
+    let (path, temporary) = (folder.join(RECORDS), folder.join(format!("{RECORDS}.tmp")));
     let text = toml::to_string(&records).map_err(|error| NnError::Request(format!("{}: {error}", path.display())))?;
-    fs::write(&path, text).map_err(|source| NnError::Io { path, source })
+    let written = fs::write(&temporary, text).and_then(|()| fs::rename(&temporary, &path));
+    written.map_err(|source| NnError::Io { path, source })
 }
 
 /// Refuses a file that is another one than was added; one that was put there by hand is not known.

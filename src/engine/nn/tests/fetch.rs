@@ -18,14 +18,13 @@ fn curl() -> bool {
     there
 }
 
-/// Serves a file over HTTP, from where it is asked for; the first answer breaks off after `breaks_at` bytes. Gives its
-/// address.
-fn serve(file: Vec<u8>, breaks_at: usize) -> String {
+/// Serves a file over HTTP, from where it is asked for; the first answers break off after so many bytes. Gives its address.
+fn serve(file: Vec<u8>, breaks_at: &'static [usize]) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("http://{}/file", listener.local_addr().unwrap());
     std::thread::spawn(move || {
         for (number, stream) in listener.incoming().enumerate() {
-            let limit = if number == 0 { breaks_at } else { usize::MAX };
+            let limit = breaks_at.get(number).copied().unwrap_or(usize::MAX);
             answer(&stream.unwrap(), &file, limit);
         }
     });
@@ -39,6 +38,10 @@ fn answer(mut stream: &TcpStream, file: &[u8], limit: usize) {
         from = from.or_else(|| range.strip_prefix("range: bytes=")?.trim_end_matches('-').parse::<usize>().ok());
     }
     let (start, count) = (from.unwrap_or(0), file.len());
+    if start >= count {
+        write!(stream, "HTTP/1.1 416 Range Not Satisfiable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n").unwrap();
+        return;
+    }
     let status = if from.is_some() { "206 Partial Content" } else { "200 OK" };
     let range = format!("Content-Range: bytes {start}-{}/{count}\r\n", count - 1);
     let range = if from.is_some() { &*range } else { "" };
@@ -57,11 +60,13 @@ fn a_broken_download_is_continued() {
         return;
     }
     let (file, scratch) = (bytes(100_000), tempfile::tempdir().unwrap());
-    let (url, into) = (serve(file.clone(), 40_000), scratch.path().join("file"));
+    let (url, into) = (serve(file.clone(), &[40_000, 30_000]), scratch.path().join("file"));
     let error = fetch(&url, &into, &mut |_| true).unwrap_err();
     assert!(matches!(&error, NnError::Fetch { is_stopped: false, .. }), "{error}");
     let part = scratch.path().join("file.part");
     assert!(fs::metadata(&part).unwrap().len() == 40_000 && !into.exists());
+    fetch(&url, &into, &mut |_| true).unwrap_err();
+    assert_eq!(fs::metadata(&part).unwrap().len(), 70_000, "another break loses nothing");
     // What is there is not asked for again.
     let mut kept = fs::read(&part).unwrap();
     kept[0] ^= 1;
@@ -101,7 +106,7 @@ fn a_network_is_fetched_checked_and_remembered() {
     }
     let network = fs::read(folder.join("yolox_nano.onnx")).unwrap();
     let scratch = tempfile::tempdir().unwrap();
-    let (url, target) = (serve(network.clone(), usize::MAX), scratch.path().join("models"));
+    let (url, target) = (serve(network.clone(), &[]), scratch.path().join("models"));
     let wrong = install(&catalogue(&url, Some("00")), &target, "xfeat", &mut |_| true).unwrap_err();
     assert!(matches!(&wrong, NnError::Digest { .. }) && !target.join("n.onnx").exists(), "{wrong}");
     let (good, mut most) = (catalogue(&url, None), 0);
@@ -111,7 +116,7 @@ fn a_network_is_fetched_checked_and_remembered() {
         true
     });
     assert!(fs::read(&added.unwrap()[0].path).unwrap() == network && most == network.len() as u64);
-    assert!(!target.join("downloads").exists());
+    assert!(!target.join("downloads").join("xfeat").exists());
     check(&good, &target, "xfeat").unwrap();
     let spoilt = |path: &Path| {
         let mut bytes = fs::read(path).unwrap();
@@ -127,6 +132,19 @@ fn a_network_is_fetched_checked_and_remembered() {
 fn what_has_no_address_says_how_to_get_it() {
     let scratch = tempfile::tempdir().unwrap();
     let error = install(&Catalogue::bundled().unwrap(), scratch.path(), "superpoint", &mut |_| true).unwrap_err();
-    assert!(error.to_string().contains("assets/export/superglue.py"), "{error}");
+    let error = error.to_string();
+    assert!(error.contains("no address") && error.contains("assets/export/superglue.py"), "{error}");
     assert!(fs::read_dir(scratch.path()).unwrap().next().is_none(), "nothing is left behind");
+}
+
+#[test]
+fn what_is_whole_already_is_fetched_anew_where_the_server_has_no_more() {
+    if !curl() {
+        return;
+    }
+    let (file, scratch) = (bytes(5_000), tempfile::tempdir().unwrap());
+    let (url, into) = (serve(file.clone(), &[]), scratch.path().join("file"));
+    fs::write(scratch.path().join("file.part"), &file).unwrap();
+    fetch(&url, &into, &mut |_| true).unwrap();
+    assert_eq!(fs::read(&into).unwrap(), file);
 }

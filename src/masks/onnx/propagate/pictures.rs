@@ -35,12 +35,20 @@ impl<'a> Pictures<'a> {
         self.unread.pop_first().map(|(_, error)| error.into())
     }
 
-    /// Lines that name the frames which could not be read and those of another size than any anchor.
-    pub fn warnings(&self, others: &[usize]) -> Vec<String> {
+    /// Lines that name the frames which could not be read, those of the `missed` ones that could but come before any anchor
+    /// that can be read, and those of another size than any anchor.
+    pub fn warnings(&self, missed: &[usize], others: &[usize]) -> Vec<String> {
         let mut lines = Vec::new();
         if let Some(first) = self.unread.values().next() {
             let named = self.named(&self.unread.keys().copied().collect::<Vec<_>>());
             lines.push(format!("{} frames cannot be read and were stepped over: {named} ({first})", self.unread.len()));
+        }
+        let missed: Vec<usize> = missed.iter().copied().filter(|frame| !self.unread.contains_key(frame)).collect();
+        if !missed.is_empty() {
+            let (named, count) = (self.named(&missed), missed.len());
+            lines.push(format!(
+                "{count} frames were left out, as the mask before them lies on an unreadable frame: {named}"
+            ));
         }
         if !others.is_empty() {
             let named = self.named(others);

@@ -237,3 +237,14 @@ fn unreadable_pictures_are_stepped_over_and_named() {
     gone.request.store = Arc::new(FrameStore::new(1 << 20));
     assert!(matches!(gone.track().ended, Err(MaskError::Frame(_))));
 }
+
+#[test]
+fn frames_behind_an_unreadable_anchor_are_named() {
+    let mut film = Film::new(5, &[(0, mask(&[(A, 0..4)])), (3, mask(&[(A, 0..4)]))]);
+    std::fs::remove_file(film.folder.path().join("00.png")).unwrap();
+    film.request.direction = Direction::Forward;
+    let outcome = film.track();
+    assert_eq!(outcome.frames(), "4");
+    let warnings = outcome.ended.unwrap().join(" ");
+    assert!(warnings.contains("2 frames were left out") && warnings.contains("01, 02"), "{warnings}");
+}

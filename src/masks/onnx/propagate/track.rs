@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::answer::Answer;
@@ -32,12 +32,14 @@ pub(in crate::masks::onnx) fn track(
         return Err(nothing_to_do(request, courses.is_empty()));
     }
     let pictures = Pictures::new(request, progress);
-    let mut run = Run { emit, progress, make, pictures, done: 0, total, answered: false };
+    let mut run = Run { emit, progress, make, pictures, done: 0, total, answered: BTreeSet::new() };
     courses.iter().try_for_each(|course| run.follow(course))?;
-    match (!run.answered).then(|| run.pictures.failure()).flatten() {
-        Some(failure) => Err(failure),
-        None => Ok(run.pictures.warnings(&others)),
+    if let Some(failure) = run.answered.is_empty().then(|| run.pictures.failure()).flatten() {
+        return Err(failure);
     }
+    let wanted = courses.iter().flat_map(|course| course.forward.targets.union(&course.backward.targets));
+    let missed: Vec<usize> = wanted.copied().filter(|frame| !run.answered.contains(frame)).collect();
+    Ok(run.pictures.warnings(&missed, &others))
 }
 
 fn nothing_to_do(request: &TrackRequest, is_unmasked: bool) -> MaskError {
@@ -58,8 +60,8 @@ struct Run<'a, 'p> {
     pictures: Pictures<'a>,
     done: usize,
     total: usize,
-    /// Whether any frame was handed on.
-    answered: bool,
+    /// The frames that were handed on.
+    answered: BTreeSet<usize>,
 }
 
 /// An answer of the walk forwards, kept until the walk backwards comes by.
@@ -129,6 +131,6 @@ impl Run<'_, '_> {
     fn hand_on(&mut self, frame: usize, answer: &Answer, preliminary: bool) {
         let (mask, confidence) = (answer.mask.clone(), answer.confidences());
         (self.emit)(TrackedFrame { frame, mask, confidence, preliminary });
-        self.answered = true;
+        self.answered.insert(frame);
     }
 }

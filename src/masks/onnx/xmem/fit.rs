@@ -10,6 +10,9 @@ pub(super) const CELL: usize = 16;
 const MEAN: [f32; 3] = [123.675, 116.28, 103.53];
 const DEVIATION: [f32; 3] = [58.395, 57.12, 57.375];
 
+/// The longer side that is shown at most, in pixels: very narrow pictures are shown smaller.
+const LONGEST: usize = 4096;
+
 /// How a picture lies in what the networks see of it: (columns, rows).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Fit {
@@ -27,7 +30,8 @@ impl Fit {
     pub fn new(width: u32, height: u32, short_side: Option<u32>) -> Self {
         let picture = (width as usize, height as usize);
         let short = picture.0.min(picture.1).max(1);
-        let side = short_side.map_or(short, |side| (side as usize).max(1));
+        let side = short_side.map_or(short, |side| side as usize);
+        let side = side.min(LONGEST * short / picture.0.max(picture.1).max(1)).max(1);
         let shown = (side * picture.0 / short, side * picture.1 / short);
         let padded = (shown.0.next_multiple_of(CELL), shown.1.next_multiple_of(CELL));
         Self { picture, shown, padded, corner: ((padded.0 - shown.0) / 2, (padded.1 - shown.1) / 2) }
