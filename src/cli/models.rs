@@ -29,7 +29,8 @@ fn progress() -> impl FnMut(Fetched<'_>) -> bool {
     move |now| {
         if last.0 != now.what || now.bytes >= last.1 + SAID_EVERY {
             let of = now.of.map_or(String::new(), |bytes| format!(" of {:.1}", bytes as f64 / 1e6));
-            eprintln!("{}: {:.1}{of} MB", now.what, now.bytes as f64 / 1e6);
+            let there = (now.bytes > 0 || now.of.is_some()).then(|| format!(": {:.1}{of} MB", now.bytes as f64 / 1e6));
+            eprintln!("{}{}", now.what, there.unwrap_or_default());
             last = (now.what.to_owned(), now.bytes);
         }
         true

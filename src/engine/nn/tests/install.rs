@@ -22,7 +22,7 @@ fn an_added_network_is_listed_checked_and_loaded() {
     let checked = check(&catalogue, &target, "xfeat").unwrap();
     assert!(checked[0].is_compared && checked[0].signature.as_ref().unwrap().inputs[0].name == "input");
     assert_eq!(load(&target, "xfeat").unwrap().len(), 1);
-    assert_eq!(files_in(&target), 1, "no temporary file stays");
+    assert_eq!(files_in(&target), 2, "the network and the digests; no temporary file stays");
 }
 
 #[test]
