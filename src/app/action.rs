@@ -2,6 +2,7 @@ use egui::{Key, KeyboardShortcut, Modifiers};
 use serde::{Deserialize, Serialize};
 
 use super::Tool;
+use crate::view::Side;
 
 /// Everything that can be done from a menu, the palette or a key: one list feeds menus, shortcuts, tooltips, the
 /// palette and the shortcut sheet.
@@ -23,6 +24,8 @@ pub enum Action {
     Export,
     /// Writes the history as a recipe.
     SaveRecipe,
+    /// The networks that are known, and getting them.
+    Models,
     /// Closes the project.
     Close,
     /// Ends the program.
@@ -49,6 +52,12 @@ pub enum Action {
     AcceptVote,
     /// The same for the chosen label.
     AcceptLabelVote,
+    /// Drags in the 3-D view choose points, or no longer.
+    ChoosePoints,
+    /// The chosen points become the chosen label's.
+    AssignChosen,
+    /// The chosen points become nothing's.
+    ClearChosen,
     /// The range of frames begins at the shown one.
     RangeFrom,
     /// The range of frames ends at the shown one.
@@ -103,6 +112,8 @@ pub enum Action {
     LastFrame,
     /// Next frame whose mask is stale or uncertain.
     NextDoubtful,
+    /// Window of what was measured of each label.
+    ToggleMeasures,
     /// The point of the cloud under the pointer.
     FindInScene,
     /// To the frame that contradicts the vote of all most, then down that list.
@@ -117,6 +128,8 @@ pub enum Action {
     Retrack,
     /// Looks for things that no label explains.
     Suggest,
+    /// Offers all things that the segmenter sees on the shown frame.
+    Propose,
     /// Makes cameras and depths.
     Reconstruct,
     /// Gives the scene a unit by the ruler's length.
@@ -155,6 +168,12 @@ pub enum Action {
     FrameCloud,
     /// 3-D view from this frame's camera.
     LookThrough,
+    /// 3-D view from a side.
+    LookFrom(Side),
+    /// Orthographic and perspective.
+    ToggleOrthographic,
+    /// The 3-D view turns by itself, or not.
+    ToggleTurntable,
     /// Dark and light.
     ToggleTheme,
     /// List of actions to type into.
@@ -263,6 +282,10 @@ const fn shift(key: Key) -> Option<KeyboardShortcut> {
     Some(KeyboardShortcut::new(Modifiers::SHIFT, key))
 }
 
+const fn alt(key: Key) -> Option<KeyboardShortcut> {
+    Some(KeyboardShortcut::new(Modifiers::ALT, key))
+}
+
 const fn ctrl(key: Key) -> Option<KeyboardShortcut> {
     Some(KeyboardShortcut::new(Modifiers::COMMAND, key))
 }
@@ -301,6 +324,7 @@ const LIST: &[Row] = {
         A::ImportMasks, FILE, false, "Import masks…", "Reads masks from a folder; their frames become anchors", None;
         A::Export, FILE, true, "Export…", "Writes cloud, mesh, traits, cameras, masks or depths to files", ctrl(Key::E);
         A::SaveRecipe, FILE, false, "Save history as recipe…", "Writes the steps so far as a recipe for 'ostra run'", None;
+        A::Models, FILE, true, "Networks…", "Shows which networks are installed, gets, adds and checks them", None;
         A::Close, FILE, true, "Close project", "Closes the project; everything is already saved", ctrl(Key::W);
         A::Quit, FILE, false, "Quit", "Ends OSTRA; everything is already saved", ctrl(Key::Q);
         A::Undo, EDIT, false, "Undo", "Takes back the last step", ctrl(Key::Z);
@@ -313,6 +337,9 @@ const LIST: &[Row] = {
         A::MakeAnchor, EDIT, false, "Make this frame an anchor", "Accepts the tracked mask as it is; trackers keep it from now on", plain(Key::C);
         A::AcceptVote, EDIT, false, "Accept the 3-D vote on this frame", "Gives this frame the mask that all frames voted for; it becomes an anchor", shift(Key::A);
         A::AcceptLabelVote, EDIT, false, "Accept the 3-D vote for this label", "The same for the chosen label alone", ctrl_shift(Key::A);
+        A::ChoosePoints, EDIT, true, "Select points in 3-D", "Drags in the 3-D view choose the points that are seen there, to correct their label in all masks", shift(Key::S);
+        A::AssignChosen, EDIT, false, "Assign label to selected points", "The points get the chosen label, in every mask that sees them", shift(Key::Enter);
+        A::ClearChosen, EDIT, false, "Clear label of selected points", "The points get no label, in every mask that sees them", shift(Key::Backspace);
         A::RangeFrom, RANGE, false, "Range begins here", "Changes of the chosen label go over frames from this one on", plain(Key::I);
         A::RangeTo, RANGE, false, "Range ends here", "Changes of the chosen label go over frames up to this one", shift(Key::I);
         A::DropRange, RANGE, false, "Drop range", "Changes go over the shown frame alone again", ctrl(Key::I);
@@ -347,10 +374,19 @@ const LIST: &[Row] = {
         A::CompareBefore, VIEW, false, "Compare with before", "Shows this frame's masks before the last step that changed them, and back", plain(Key::F4);
         A::ToggleTimeline, VIEW, false, "Show timeline", "Shows or hides the grid of labels and frames above the filmstrip", plain(Key::F2);
         A::ToggleMatches, VIEW, false, "Cameras and matches", "Shows what the cameras were found with: matches between two frames, errors, and why frames have no camera", plain(Key::F6);
+        A::ToggleMeasures, VIEW, false, "Measures", "Shows a table of what was measured of each label in 3-D: lengths, widths, areas, volumes, heights, angles", plain(Key::F8);
         A::NextLayer, VIEW, false, "Next layer", "Shows depth, normals and confidence in the photo's place, one after the other", plain(Key::F7);
         A::ToggleHover, VIEW, false, "Preview a click", "Shows lightly what a click would give where the pointer rests", plain(Key::F3);
         A::FrameCloud, VIEW, true, "Show whole cloud", "Brings the whole cloud into the 3-D view", plain(Key::A);
         A::LookThrough, VIEW, false, "Look through this frame's camera", "Puts the 3-D view where this frame was taken", plain(Key::L);
+        A::LookFrom(Side::Front), VIEW, true, "From the front", "Looks at the scene from where most cameras stood", alt(Key::Num1);
+        A::LookFrom(Side::Back), VIEW, false, "From behind", "Looks at the scene from behind", alt(Key::Num2);
+        A::LookFrom(Side::Left), VIEW, false, "From the left", "Looks at the scene from the left", alt(Key::Num3);
+        A::LookFrom(Side::Right), VIEW, false, "From the right", "Looks at the scene from the right", alt(Key::Num4);
+        A::LookFrom(Side::Top), VIEW, false, "From above", "Looks at the scene from above", alt(Key::Num5);
+        A::LookFrom(Side::Bottom), VIEW, false, "From below", "Looks at the scene from below", alt(Key::Num6);
+        A::ToggleOrthographic, VIEW, false, "Orthographic or perspective", "In orthographic views things do not shrink with distance", alt(Key::O);
+        A::ToggleTurntable, VIEW, false, "Turntable", "Turns the 3-D view about the vertical until you click or turn it yourself", alt(Key::T);
         A::ToggleTheme, VIEW, true, "Dark or light", "Changes between the dark and the light look", plain(Key::F9);
         A::PreviousFrame, GO, false, "Previous frame", "One frame back", plain(Key::ArrowLeft);
         A::NextFrame, GO, false, "Next frame", "One frame on", plain(Key::ArrowRight);
@@ -366,6 +402,7 @@ const LIST: &[Row] = {
         A::TrackBackward, RUN, false, "Track backward from here", "Carries masks from this frame to earlier ones", plain(Key::B);
         A::Retrack, RUN, false, "Re-track this label around this frame", "Carries the chosen label anew up to the anchors next to this one; other labels stay", shift(Key::T);
         A::Suggest, RUN, false, "Look for unlabelled objects", "Offers areas without a label that move or stand apart", ctrl(Key::L);
+        A::Propose, RUN, false, "Propose things on this frame", "Offers all that Segment Anything takes for a thing on this frame", ctrl_shift(Key::L);
         A::Reconstruct, RUN, true, "Reconstruct", "Makes cameras and depths with the settings of the Reconstruct panel", plain(Key::R);
         A::SetScale, RUN, false, "Set scale by ruler", "Makes cameras and points larger or smaller until the ruler's two points are as far apart as they really are", None;
         A::Fuse, RUN, false, "Fuse", "Makes the labelled cloud: every point takes the label most views vote for", plain(Key::U);

@@ -3,11 +3,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Layers;
-use crate::masks::RunMask;
+use crate::masks::{LabelTree, RunMask};
 use crate::scene::doubt::FrameDoubt;
 use crate::scene::fuse::Votes;
+use crate::scene::measure::{LengthUnit, TraitRow};
+use crate::scene::select::Selection;
 use crate::scene::{LabelledCloud, LabelledMesh};
-use crate::session::{Engine, EngineKind, Estimate, Grounding, JobView, Pictures, Project, SparseModel, Suggestion};
+use crate::session::{
+    Engine, EngineKind, Estimate, Grounding, JobView, Pictures, Project, ProposedInstances, Row, SparseModel,
+    Suggestion,
+};
 
 /// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
 #[derive(Clone, Copy)]
@@ -20,6 +25,8 @@ pub struct Look<'a> {
     pub cloud: Option<&'a Arc<LabelledCloud>>,
     /// The votes behind its labels, where they are known.
     pub votes: Option<&'a Arc<Votes>>,
+    /// Instances as they would be made, while they are looked at.
+    pub proposed: Option<&'a Arc<ProposedInstances>>,
     /// Whether a mesh was made with the cloud, which can be shown in the points' place.
     pub has_surface: bool,
     /// The triangles of the model shown; `None` where points are, or while they are loaded.
@@ -28,6 +35,8 @@ pub struct Look<'a> {
     pub growing: Option<&'a Arc<LabelledCloud>>,
     /// What the cameras were found with, where that was structure from motion.
     pub sparse: Option<&'a Arc<SparseModel>>,
+    /// The points chosen in the cloud, or why there are none; `None` while they are looked for.
+    pub chosen: Option<Result<&'a Arc<Selection>, &'a str>>,
     /// The PLY that is inspected alone.
     pub inspected: Option<&'a Path>,
     /// Pictures and thumbnails.
@@ -40,6 +49,8 @@ pub struct Look<'a> {
     pub jobs: &'a [JobView],
     /// Segmenters, trackers and the rest, installed or not.
     pub engines: &'a [Engine],
+    /// Every network that is known, installed or not.
+    pub models: &'a [Row],
     /// What undo would take back.
     pub undo: Option<&'a str>,
     /// What redo would do again.
@@ -56,6 +67,10 @@ pub struct Look<'a> {
     pub interactions: usize,
     /// By frame, how much its mask contradicts the vote of all.
     pub doubts: &'a BTreeMap<usize, FrameDoubt>,
+    /// What was measured of the cloud's labels, once it was asked for.
+    pub traits: Option<&'a Arc<Vec<TraitRow>>>,
+    /// What lengths of the scene are told in.
+    pub unit: LengthUnit,
     /// How good the masks probably are.
     pub estimate: Option<Estimate>,
 }
@@ -71,7 +86,17 @@ impl Look<'_> {
     /// were found with.
     #[must_use]
     pub fn points(&self) -> Option<&Arc<LabelledCloud>> {
-        self.growing.or(self.cloud).or(self.sparse.map(|sparse| &sparse.cloud))
+        self.growing
+            .or(self.proposed.map(|proposed| &proposed.cloud))
+            .or(self.cloud)
+            .or(self.sparse.map(|sparse| &sparse.cloud))
+    }
+
+    /// The labels in whose colours the 3-D view is drawn; `None` for a cloud that has its own.
+    #[must_use]
+    pub fn shown_tree(&self) -> Option<LabelTree> {
+        let proposed = self.proposed.map(|proposed| &proposed.cloud.tree);
+        proposed.or(self.root.map(|_| &self.project.labels)).cloned()
     }
 
     /// The job of this title, where one runs.

@@ -1,9 +1,10 @@
 use egui::{Button, MenuBar, Ui};
 
+use super::panels::has_chosen;
 use super::ranges::{is_range_change, range_request, split_at};
 use super::tips::action_button;
 use super::{Action, Look, MenuName, ViewState};
-use crate::session::Command;
+use crate::session::{Command, EngineKind};
 
 /// The menu bar, made from the list of actions, with undo and redo at its end.
 pub(super) fn menu_bar_ui(
@@ -52,6 +53,7 @@ pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> 
         A::AcceptLabelVote => view.label.is_some() && look.doubts.contains_key(&view.frame),
         A::FindInScene => view.pointer_px.is_some() && look.cloud.is_some() && look.votes.is_some(),
         A::NextWorst => look.doubts.values().any(|doubt| doubt.against > 0),
+        A::ToggleMeasures => look.cloud.is_some() || view.measures.open,
         A::IncludeHere | A::ExcludeHere => view.pointer_px.is_some(),
         A::ClearLabelHere => view.label.is_some() && look.has_frames(),
         A::RangeFrom | A::RangeTo => look.has_frames(),
@@ -59,9 +61,13 @@ pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> 
         A::MergeRange => view.label.is_some() && look.project.labels.iter().nth(1).is_some(),
         A::SplitRange => split_at(look, view).is_some() && look.project.labels.iter().nth(1).is_some(),
         A::CopyMask => view.label.is_some_and(|label| view.presence.on_frame(view.frame).contains(&label)),
+        A::ChoosePoints => look.votes.is_some(),
+        A::AssignChosen => has_chosen(look, view) && view.label.is_some(),
+        A::ClearChosen => has_chosen(look, view),
         A::CompareBefore | A::ToggleTimeline | A::ToggleMatches => look.has_frames(),
         _ if is_range_change(action) => range_request(action, look, view).is_some(),
         A::Track | A::TrackForward | A::TrackBackward | A::Suggest => !look.project.masks.is_empty(),
+        A::Propose => look.has_frames() && is_sam_installed(look),
         A::Retrack => view.retracking(look).is_some(),
         A::Fuse | A::LookThrough => look.project.frames.iter().any(|frame| frame.posed_camera().is_some()),
         A::SetScale => view.ruler.command().is_some(),
@@ -69,6 +75,11 @@ pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> 
         A::PreviousFrame | A::NextFrame | A::Back10 | A::Forward10 | A::FirstFrame | A::LastFrame => look.has_frames(),
         _ => true,
     }
+}
+
+/// Whether Segment Anything can be used.
+pub(super) fn is_sam_installed(look: &Look<'_>) -> bool {
+    look.engines_of(EngineKind::Segmenter).any(|engine| engine.name == "sam" && engine.installed)
 }
 
 /// The text of an action now: undo and redo name the step.

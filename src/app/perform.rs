@@ -8,7 +8,7 @@ use super::ranges::{is_range_change, next_doubtful, range_request, set_range, sp
 use super::view_state::{IntoWish, PathWish, SceneWish, typed_path};
 use super::{Action, Dialog, Look, Panes, Severity, ViewState};
 use crate::masks::Direction;
-use crate::session::{Command, FuseRequest, ReconstructRequest, TidyRequest};
+use crate::session::{CloudChange, Command, FuseRequest, ReconstructRequest, TidyRequest};
 use crate::view::Layer;
 
 /// Does an action: changes what is looked at, or hands out commands.
@@ -42,6 +42,12 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::AcceptLabelVote => {
             out.push(Command::AcceptVote { frame: view.frame, labels: view.label.into_iter().collect() });
         }
+        Action::ChoosePoints => choose_points(view),
+        Action::AssignChosen => {
+            let change = view.label.map(CloudChange::Assign);
+            out.extend(change.and_then(|change| view.scene_select.correct(change)));
+        }
+        Action::ClearChosen => out.extend(view.scene_select.correct(CloudChange::Clear)),
         Action::RangeFrom | Action::RangeTo | Action::DropRange => set_range(action, view),
         Action::CopyMask => view.copied = view.label.map(|label| (label, view.frame)),
         _ if is_range_change(action) => out.extend(range_request(action, look, view).map(Command::Range)),
@@ -59,6 +65,7 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::TrackBackward => track_from_here(view, Direction::Backward, out),
         Action::Retrack => out.extend(view.retracking(look).map(Command::Track)),
         Action::Suggest => out.push(Command::Suggest),
+        Action::Propose => out.push(Command::Propose { frame: view.frame, segmenter: "sam".into() }),
         Action::Reconstruct => reconstruct(view, out),
         Action::SetScale => {
             out.extend(view.ruler.command());
@@ -73,6 +80,13 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::Cancel => cancel(look, view, out),
         Action::ToggleTheme => toggle_theme(ctx),
         other => look_differently(other, ctx, view),
+    }
+}
+
+fn choose_points(view: &mut ViewState) {
+    view.scene_select.in_hand = !view.scene_select.in_hand;
+    if view.prefs.panes == Panes::Picture {
+        view.prefs.panes = Panes::Both;
     }
 }
 
@@ -103,6 +117,7 @@ fn dialog_of(action: Action, look: &Look<'_>, view: &ViewState) -> Option<Dialog
         Action::AddFrames => Dialog::AddFrames,
         Action::Relocate => Dialog::Relocate,
         Action::Export => Dialog::Export,
+        Action::Models => Dialog::Models,
         Action::Palette => Dialog::Palette,
         Action::ShortcutSheet => Dialog::Shortcuts,
         Action::Open => Dialog::Path(PathWish::OpenProject),
@@ -137,6 +152,7 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         Action::CompareBefore => view.compare = !view.compare,
         Action::ToggleTimeline => view.prefs.timeline = !view.prefs.timeline,
         Action::ToggleMatches => view.matches.open = !view.matches.open,
+        Action::ToggleMeasures => view.measures.open = !view.measures.open,
         Action::ToggleHover => view.prefs.hover_preview = !view.prefs.hover_preview,
         Action::NextLayer => {
             let next = Layer::ALL.iter().position(|&layer| layer == view.layer).map_or(0, |at| at + 1);
@@ -147,7 +163,13 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         Action::ShowPicture => view.prefs.panes = Panes::Picture,
         Action::ShowScene => view.prefs.panes = Panes::Scene,
         Action::FrameCloud => view.scene_wish = Some(SceneWish::FrameAll),
-        Action::LookThrough => view.scene_wish = Some(SceneWish::LookThrough),
+        Action::LookThrough => {
+            view.prefs.scene.orthographic = false;
+            view.scene_wish = Some(SceneWish::LookThrough);
+        }
+        Action::LookFrom(side) => view.scene_wish = Some(SceneWish::LookFrom(side)),
+        Action::ToggleOrthographic => view.prefs.scene.orthographic = !view.prefs.scene.orthographic,
+        Action::ToggleTurntable => view.scene.turning = !view.scene.turning,
         _ => {}
     }
 }
@@ -196,11 +218,13 @@ fn track_from_here(view: &ViewState, direction: Direction, out: &mut Vec<Command
 
 /// Esc: first what is half made, then what runs.
 fn cancel(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
-    if view.draft.drop_half_made() {
+    if view.draft.drop_half_made() || view.scene_select.cancel() {
         return;
     }
     if view.matches.open {
         view.matches.open = false;
+    } else if view.measures.open {
+        view.measures.open = false;
     } else if !look.jobs.is_empty() {
         out.push(Command::Stop);
     }

@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
-use super::{Panes, Shortcuts};
+use super::{Panes, ScenePrefs, Shortcuts};
+use crate::session::Provider;
 use crate::view::OverlayStyle;
 
 /// What the window remembers from one start to the next: taste, never content.
@@ -25,12 +26,16 @@ pub struct Prefs {
     pub tidy_px: usize,
     /// Size of points in the 3-D view in screen points.
     pub point_size: f32,
+    /// How the 3-D view is drawn.
+    pub scene: ScenePrefs,
     /// Whether camera frusta are drawn.
     pub frusta: bool,
     /// Whether links between frames are drawn.
     pub links: bool,
     /// Whether the grid of labels and frames is shown.
     pub timeline: bool,
+    /// What networks run on.
+    pub provider: Provider,
     /// Confidence below which a frame is one to check, 0–1.
     pub doubt_below: f32,
 }
@@ -48,9 +53,11 @@ impl Default for Prefs {
             snap: false,
             tidy_px: 64,
             point_size: 2.0,
+            scene: ScenePrefs::default(),
             frusta: true,
             links: false,
             timeline: true,
+            provider: Provider::default(),
             doubt_below: 0.5,
         }
     }

@@ -1,12 +1,15 @@
 use egui::{CentralPanel, Context, Frame, Margin, Panel, ScrollArea, Stroke, Ui};
 
 use super::canvas::picture_pane_ui;
-use super::dialogs::{export_ui, into_ui, new_project_ui, palette_ui, path_ui, relocate_ui, sheet_ui, take_picked};
+use super::dialogs::{
+    export_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, relocate_ui, sheet_ui, take_picked,
+};
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
-    HEAT_HEIGHT, ScenePane, cloud_labels_ui, doubt_ui, filmstrip_ui, fuse_ui, heat_ui, jobs_ui, labels_ui, matches_ui,
-    reconstruct_ui, results_ui, segmenter_ui, status_ui, suggestions_ui, timeline_ui, track_ui, welcome_ui, words_ui,
+    HEAT_HEIGHT, ScenePane, cloud_labels_ui, doubt_ui, filmstrip_ui, fuse_ui, heat_ui, instances_ui, jobs_ui,
+    labels_ui, matches_ui, measures_ui, reconstruct_ui, results_ui, segmenter_ui, status_ui, suggestions_ui,
+    timeline_ui, track_ui, welcome_ui, words_ui,
 };
 use super::perform::perform;
 use super::textures::Textures;
@@ -58,6 +61,9 @@ impl Shell {
         if self.view.matches.open && look.has_frames() {
             matches_ui(ui, look, &mut self.view, &mut self.textures);
         }
+        if self.view.measures.open {
+            measures_ui(ui, look, &mut self.view);
+        }
         notices_ui(ui, &mut self.view.notices);
         for action in wishes {
             perform(action, ui.ctx(), look, &mut self.view, &mut out);
@@ -96,6 +102,7 @@ impl Shell {
         side_panel(Panel::left("labels"), 230.0).show(ui, |ui| {
             scrolled(ui, "left", |ui| {
                 labels_ui(ui, look, view, out);
+                instances_ui(ui, look, view, out);
                 ui.separator();
                 segmenter_ui(ui, look, view);
                 ui.separator();
@@ -154,6 +161,7 @@ impl Shell {
             Some(dialog @ (Dialog::NewProject | Dialog::AddFrames)) => new_project_ui(ui, view, dialog, out),
             Some(Dialog::Relocate) => relocate_ui(ui, view, out),
             Some(Dialog::Export) => export_ui(ui, look, view, out),
+            Some(Dialog::Models) => models_ui(ui, look, view, out),
             Some(Dialog::Shortcuts) => sheet_ui(ui, view),
             Some(Dialog::Palette) => palette_ui(ui, look, view, wishes),
             Some(Dialog::Into(wish)) => into_ui(ui, look, view, wish, out),

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::canvas::{Draft, Rest, Tool, ZoomState};
-use super::dialogs::{ExportForm, NewProjectForm, PathPicker, RelocateForm, SheetState};
-use super::panels::{Asked, LabelEditing, MatchView, PointCounts, Ruler, Words};
+use super::dialogs::{ExportForm, ModelsForm, NewProjectForm, PathPicker, RelocateForm, SheetState};
+use super::panels::{Asked, LabelEditing, MatchView, MeasureView, PointCounts, Ruler, SceneSelect, Words};
 use super::presence::Presence;
-use super::{Look, Notices, Prefs};
+use super::{Look, Notices, Prefs, SceneLook};
 use crate::masks::{Direction, LabelId, MaskFormat};
-use crate::session::{FuseRequest, PromptRequest, ReconstructRequest, Surface, TrackSettings};
-use crate::view::{Coloring, Layer};
+use crate::session::{FuseRequest, InstancesRequest, PromptRequest, ReconstructRequest, Surface, TrackSettings};
+use crate::view::{Coloring, Layer, Side};
 
 /// All that belongs to looking and not to the project: the frame shown, the tool, the eye. Never saved with a project.
 pub struct ViewState {
@@ -26,6 +26,8 @@ pub struct ViewState {
     pub hidden: BTreeSet<LabelId>,
     /// What the colours of points show.
     pub coloring: Coloring,
+    /// What of the project the 3-D view shows.
+    pub scene: SceneLook,
     /// What is shown of the result.
     pub shown: Shown,
     /// Taste, kept from one start to the next.
@@ -62,6 +64,8 @@ pub struct ViewState {
     pub export: ExportForm,
     /// Form of the dialog for moved frames.
     pub relocate: RelocateForm,
+    /// Form of the dialog of networks.
+    pub models: ModelsForm,
     /// Kind of files that masks are read from.
     pub mask_format: MaskFormat,
     /// What the file chooser is open for.
@@ -80,6 +84,8 @@ pub struct ViewState {
     pub labels: LabelEditing,
     /// Which labels are on which frames.
     pub presence: Presence,
+    /// Instances that are looked for and not yet made.
+    pub instances: Option<InstancesRequest>,
     /// Points per label of the cloud.
     pub point_counts: PointCounts,
     /// Errors and warnings not yet dismissed.
@@ -92,10 +98,14 @@ pub struct ViewState {
     pub asked: Option<Asked>,
     /// Asks the 3-D view to do something once.
     pub scene_wish: Option<SceneWish>,
+    /// Points that are being chosen in the 3-D view.
+    pub scene_select: SceneSelect,
     /// A known length in the 3-D view.
     pub ruler: Ruler,
     /// The window of cameras and matches.
     pub matches: MatchView,
+    /// The window of measures.
+    pub measures: MeasureView,
     /// What is shown of the frame.
     pub layer: Layer,
     /// Where the pointer rests over the picture.
@@ -143,6 +153,8 @@ pub enum SceneWish {
     LookThrough,
     /// Brings the point asked about into the middle.
     ShowAsked,
+    /// Looks from a side.
+    LookFrom(Side),
 }
 
 /// The dialogs; at most one is open.
@@ -156,6 +168,8 @@ pub enum Dialog {
     Relocate,
     /// Writing results to files.
     Export,
+    /// The networks and getting them.
+    Models,
     /// The shortcut sheet.
     Shortcuts,
     /// The palette of actions.
@@ -188,6 +202,8 @@ pub enum PathWish {
     ImportMasks,
     /// A recipe to write.
     SaveRecipe,
+    /// A table of traits to write.
+    SaveTraits,
 }
 
 /// Which panes the middle of the window shows.
@@ -213,6 +229,7 @@ impl ViewState {
             masks_shown: true,
             hidden: BTreeSet::new(),
             coloring: Coloring::Rgb,
+            scene: SceneLook::default(),
             shown: Shown::Points,
             prefs,
             zoom: ZoomState::default(),
@@ -231,6 +248,7 @@ impl ViewState {
             new_project: NewProjectForm::default(),
             export: ExportForm::default(),
             relocate: RelocateForm::default(),
+            models: ModelsForm::default(),
             mask_format: MaskFormat::default(),
             picker: PathPicker::default(),
             path_text: String::new(),
@@ -240,14 +258,17 @@ impl ViewState {
             palette_text: String::new(),
             labels: LabelEditing::default(),
             presence: Presence::default(),
+            instances: None,
             point_counts: PointCounts::default(),
             notices: Notices::default(),
             note: String::new(),
             reveal_frame: true,
             asked: None,
             scene_wish: None,
+            scene_select: SceneSelect::default(),
             ruler: Ruler::default(),
             matches: MatchView::default(),
+            measures: MeasureView::default(),
             layer: Layer::Photo,
             rest: None,
             hover_wish: None,

@@ -8,7 +8,9 @@ use super::dialogs::NewProjectForm;
 use super::theme::set_theme;
 use super::{Dialog, Layers, Look, Prefs, Severity, Shell, layers_of};
 use crate::frames::Frame;
-use crate::session::{Command, Engine, Estimate, Event, Pictures, Project, Recent, Session, engines};
+use crate::session::{
+    Command, Engine, Estimate, Event, Pictures, Project, Provider, Recent, Row, Session, engines, list_models,
+};
 
 /// Opens the window; `path` is a project, a folder of frames, a film or a labelled PLY to begin with.
 ///
@@ -35,6 +37,7 @@ pub struct Window {
     layers: Option<Layers>,
     pictured: Arc<Vec<Frame>>,
     engines: Vec<Engine>,
+    models: Vec<Row>,
     recent: Recent,
     title: String,
     /// Worked out anew when the project changes.
@@ -48,6 +51,9 @@ impl Window {
     fn new(cc: &eframe::CreationContext<'_>, path: Option<PathBuf>) -> Self {
         set_theme(&cc.egui_ctx);
         let prefs: Prefs = cc.storage.and_then(|storage| eframe::get_value(storage, PREFS)).unwrap_or_default();
+        if Provider::chosen() == Provider::default() {
+            prefs.provider.choose();
+        }
         let mut window = Self::with(Shell::new(prefs, cc.wgpu_render_state.as_ref()), Recent::load(), &cc.egui_ctx);
         window.begin_with(path);
         window
@@ -67,6 +73,7 @@ impl Window {
             layers: None,
             pictured: Arc::default(),
             engines: engines(),
+            models: list_models().unwrap_or_default(),
             recent,
             title: String::new(),
             estimate: None,
@@ -115,16 +122,19 @@ impl Window {
             root: self.session.root(),
             cloud: self.session.cloud(),
             votes: self.session.votes(),
+            proposed: view.instances.and_then(|request| self.session.proposed_instances(request)),
             has_surface: self.session.surface_voxel().is_some(),
             surface: view.shown.surface().and_then(|surface| self.session.surface(surface)),
             growing: self.session.growing_cloud(),
             sparse: self.session.sparse(),
+            chosen: self.session.selected(),
             inspected: self.session.inspected(),
             pictures: self.pictures.as_ref(),
             layers: self.layers.as_ref(),
             hovered: self.session.hovered(),
             jobs: &jobs,
             engines: &self.engines,
+            models: &self.models,
             undo: self.session.undo_title(),
             redo: self.session.redo_title(),
             recent: self.recent.paths(),
@@ -133,6 +143,8 @@ impl Window {
             grounding: self.session.grounding(),
             interactions: self.session.interactions(),
             doubts: self.session.doubts(),
+            traits: view.measures.open.then(|| self.session.traits(view.measures.wish)).flatten(),
+            unit: self.session.length_unit(),
             estimate: self.estimate,
         };
         let asked = self.shell.ui(ui, &look);
@@ -142,6 +154,7 @@ impl Window {
         }
         self.session.prepare(self.shell.view.frame, &self.shell.view.segmenter);
         self.session.hover(self.shell.view.hover_wish.clone());
+        self.session.select(&self.shell.view.scene_select.steps);
         if let Some(path) = self.shell.view.recipe_to.take() {
             self.save_recipe(&path);
         }
@@ -189,6 +202,10 @@ impl Window {
                 self.shell.view.notices.tell(Severity::Warning, text);
             }
             Event::Changed => self.estimate_due = true,
+            Event::ModelsChanged => {
+                self.engines = engines();
+                self.models = list_models().unwrap_or_default();
+            }
             Event::Started { .. } | Event::CloudChanged | Event::SparseChanged | Event::DoubtsChanged => {}
         }
     }

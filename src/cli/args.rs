@@ -7,6 +7,9 @@ use super::eval_args::EvalVerb;
 use super::mask_args::{GroundArgs, MasksArgs, PromptArgs, TidyArgs, TraceArgs};
 use super::values;
 use crate::frames::cameras::IntrinsicsSource;
+use crate::scene::instances::InstanceOptions;
+use crate::scene::measure::LengthUnit;
+use crate::session::Provider;
 
 /// Turns pictures into labelled 3-D: click, track, reconstruct, vote, measure, export.
 #[derive(Debug, Parser)]
@@ -14,8 +17,36 @@ use crate::frames::cameras::IntrinsicsSource;
 pub(super) struct Cli {
     /// Open the window on a project, a folder of frames, a film or a labelled PLY.
     pub path: Option<PathBuf>,
+    /// What networks run on; where it does not start, the processor does it, with a warning.
+    #[arg(long, global = true, value_enum, default_value = "cpu")]
+    pub provider: ProviderName,
     #[command(subcommand)]
     pub verb: Option<Verb>,
+}
+
+/// What networks run on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum ProviderName {
+    Cpu,
+    Cuda,
+    #[value(name = "tensorrt")]
+    TensorRt,
+    #[value(name = "coreml")]
+    CoreMl,
+    #[value(name = "directml")]
+    DirectMl,
+}
+
+impl From<ProviderName> for Provider {
+    fn from(name: ProviderName) -> Self {
+        match name {
+            ProviderName::Cpu => Self::Cpu,
+            ProviderName::Cuda => Self::Cuda,
+            ProviderName::TensorRt => Self::TensorRt,
+            ProviderName::CoreMl => Self::CoreMl,
+            ProviderName::DirectMl => Self::DirectMl,
+        }
+    }
 }
 
 #[derive(Debug, Subcommand)]
@@ -42,10 +73,13 @@ pub(super) enum Verb {
     Track(TrackArgs),
     /// Delete, lock, hide, merge, split, interpolate or copy labels over a range of frames.
     Range(super::range::RangeArgs),
-    /// List areas that no label explains and that move or stand apart.
+    /// List areas that no label explains and that move or stand apart, or all things that a segmenter sees on one frame.
     Suggest {
         /// The project's folder.
         project: PathBuf,
+        /// Only this frame, and all that the segmenter takes for a thing; needs Segment Anything.
+        #[arg(long, value_name = "K")]
+        frame: Option<usize>,
     },
     /// Make cameras and depths.
     Reconstruct(ReconstructArgs),
@@ -55,9 +89,11 @@ pub(super) enum Verb {
     Fuse(FuseArgs),
     /// Say which masks the cloud's vote contradicts, the worst first; accept the vote as a frame's mask.
     Doubt(DoubtArgs),
+    /// Tell the instances of a class apart by what hangs together in the cloud.
+    Instances(InstancesArgs),
     /// Write results to files.
     Export(ExportArgs),
-    /// Draw the labelled cloud into a PNG.
+    /// Draw the labelled cloud into a PNG, or a film that goes around it.
     Shot(ShotArgs),
     /// Say what a project holds.
     Info(InfoArgs),
@@ -286,6 +322,21 @@ pub(super) struct DoubtArgs {
 }
 
 #[derive(Debug, Args)]
+pub(super) struct InstancesArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// The class; the instances become labels below it.
+    #[arg(long, value_name = "NAME")]
+    pub label: String,
+    /// Points at most this many spacings of the cloud apart are neighbours.
+    #[arg(long, value_name = "R", default_value_t = InstanceOptions::default().radius)]
+    pub radius: f64,
+    /// Groups of fewer points are no instance.
+    #[arg(long, value_name = "N", default_value_t = InstanceOptions::default().min_points)]
+    pub min_points: usize,
+}
+
+#[derive(Debug, Args)]
 pub(super) struct FuseArgs {
     /// The project's folder.
     pub project: PathBuf,
@@ -307,7 +358,7 @@ pub(super) struct FuseArgs {
 pub(super) struct ExportArgs {
     /// The project's folder.
     pub project: PathBuf,
-    /// Labelled cloud (PLY).
+    /// Labelled cloud (.ply, .las, .laz or .pcd).
     #[arg(long, value_name = "F")]
     pub cloud: Option<PathBuf>,
     /// Labelled mesh (.ply, .obj or .glb).
@@ -340,6 +391,12 @@ pub(super) struct ExportArgs {
     /// Measurements per label.
     #[arg(long, value_name = "F.csv")]
     pub traits: Option<PathBuf>,
+    /// Measure heights above a label (a table, the soil) or the plane NX,NY,NZ,D (all x with N·x = D); fitted when absent.
+    #[arg(long, value_name = "LABEL|NX,NY,NZ,D", requires = "traits", allow_hyphen_values = true)]
+    pub ground: Option<String>,
+    /// Tell lengths in m, cm, mm, or the scene's own units.
+    #[arg(long, requires = "traits", value_parser = values::length_unit)]
+    pub unit: Option<LengthUnit>,
     /// Read deeper labels as their ancestor at this depth (1 = top).
     #[arg(long, value_name = "N", value_parser = values::from_one)]
     pub level: Option<usize>,
@@ -359,6 +416,10 @@ pub(super) enum ShotColor {
     Rgb,
     Labels,
     Confidence,
+    Conflict,
+    Views,
+    Normals,
+    Height,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -383,6 +444,21 @@ pub(super) struct ShotArgs {
     /// Read deeper labels as their ancestor at this depth (1 = top).
     #[arg(long, value_name = "N", value_parser = values::from_one)]
     pub level: Option<usize>,
+    /// Size of picture and film.
+    #[arg(long, default_value = "1280x960", value_name = "WxH", value_parser = values::size)]
+    pub size: (u32, u32),
+    /// Leave the picture's background transparent.
+    #[arg(long)]
+    pub transparent: bool,
+    /// Write a film too that goes once around (ffmpeg makes it).
+    #[arg(long, value_name = "FILE.mp4")]
+    pub turntable: Option<PathBuf>,
+    /// How long the film lasts.
+    #[arg(long, default_value = "8", value_name = "S", requires = "turntable", value_parser = values::positive)]
+    pub seconds: f64,
+    /// Pictures a second of the film.
+    #[arg(long, default_value_t = 25, requires = "turntable", value_parser = clap::value_parser!(u32).range(1..=120))]
+    pub fps: u32,
 }
 
 #[derive(Debug, Args)]

@@ -6,7 +6,7 @@ use super::print::say;
 use crate::scene::synthetic::{SceneKind, SceneOptions};
 use crate::session::Session;
 use crate::session::demo::{DemoMethod, DemoOptions, run_demo};
-use crate::view::{Coloring, ShotOptions, shot, write_png};
+use crate::view::{Appearance, Coloring, SceneStyle, ShotOptions, shot, write_png};
 
 pub(super) fn demo(args: &DemoArgs) -> Result<()> {
     let method = match args.method {
@@ -40,9 +40,10 @@ pub(super) fn demo(args: &DemoArgs) -> Result<()> {
 fn draw(session: &Session, args: &DemoArgs) -> Result<()> {
     let cloud = session.cloud().context("the cloud is missing")?;
     let project = session.project().context("the project is missing")?;
-    let options = ShotOptions { size: (960, 1280), coloring: Coloring::Label, ..ShotOptions::default() };
+    let appearance = Appearance { coloring: Coloring::Label, ..Appearance::default() };
+    let options = ShotOptions { size: (960, 1280), style: SceneStyle { appearance, ..SceneStyle::default() } };
     let picture = shot(cloud, &project.frames, &options)?;
-    Ok(write_png(&args.out.join("shot.png"), &picture)?)
+    Ok(write_png(&args.out.join("shot.png"), &picture, false)?)
 }
 
 /// Whether a window can be opened; other systems than X11 and Wayland always have one.

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, anyhow};
 
 use super::print::say;
+use crate::frames::{FilmOptions, Image};
 use crate::scene::doubt::FrameDoubt;
 use crate::scene::fuse::Votes;
 use crate::scene::{LabelledCloud, LabelledMesh};
@@ -102,6 +103,17 @@ impl Driver {
     /// What the last search for unlabelled things found.
     pub(super) fn suggestions(&self) -> &[Suggestion] {
         self.session.suggestions()
+    }
+
+    /// Writes a film, picture by picture.
+    pub(super) fn write_film(
+        &mut self,
+        path: &Path,
+        options: FilmOptions,
+        draw: impl Fn(usize) -> Image + Send + 'static,
+    ) -> Result<()> {
+        self.session.write_film(path, options, draw);
+        self.settle()
     }
 
     fn settle(&mut self) -> Result<()> {

@@ -12,6 +12,7 @@ mod drive;
 mod eval;
 mod eval_args;
 mod info;
+mod instances;
 mod mask_args;
 mod masks;
 mod models;

@@ -4,6 +4,7 @@ use super::args::{ExportArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, Scal
 use super::drive::Driver;
 use crate::frames::cameras::ModelEncoding;
 use crate::masks::{Direction, LabelId};
+use crate::scene::measure::GroundChoice;
 use crate::session::{
     Command, ExportRequest, FuseRequest, Project, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest,
     TrackSettings,
@@ -87,6 +88,8 @@ pub(super) fn fuse(args: FuseArgs) -> Result<()> {
 }
 
 pub(super) fn export(args: ExportArgs) -> Result<()> {
+    let driver = Driver::open(&args.project)?;
+    let ground = args.ground.as_deref().map_or(Ok(GroundChoice::Fitted), |text| ground(driver.project()?, text))?;
     let request = ExportRequest {
         cloud: args.cloud,
         mesh: args.mesh,
@@ -99,6 +102,8 @@ pub(super) fn export(args: ExportArgs) -> Result<()> {
         mask_format: args.mask_format,
         depths: args.depths,
         traits: args.traits,
+        ground,
+        unit: args.unit,
         level: args.level,
         twin: args.twin,
         per_label: args.per_label,
@@ -116,5 +121,14 @@ pub(super) fn export(args: ExportArgs) -> Result<()> {
             "nothing to export was named; give --cloud, --mesh, --voxels, --cameras, --masks, --depths or --traits with a path"
         );
     }
-    Driver::open(&args.project)?.act_and_save([Command::Export(request)])
+    driver.act_and_save([Command::Export(request)])
+}
+
+/// Four numbers are a plane, all else is a label's name.
+fn ground(project: &Project, text: &str) -> Result<GroundChoice> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    match numbers.as_deref() {
+        Ok(&[x, y, z, offset]) => Ok(GroundChoice::Plane { normal: [x, y, z], offset }),
+        _ => Ok(GroundChoice::Label(label_id(project, text)?)),
+    }
 }

@@ -7,8 +7,8 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use super::args::{Cli, Verb};
 use super::drive::{Driver, Interrupted};
 use super::print::say;
-use super::{demo, doubt, eval, info, masks, models, project, range, shot, sources};
-use crate::session::{Command, Recipe};
+use super::{demo, doubt, eval, info, instances, masks, models, project, range, shot, sources};
+use crate::session::{Command, Provider, Recipe};
 
 /// The program: reads the words, does the job, gives the exit code (0 done, 1 failed, 2 usage, 130 stopped).
 #[must_use]
@@ -28,6 +28,7 @@ pub fn main() -> ExitCode {
 }
 
 fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
+    Provider::from(cli.provider).choose();
     let Some(verb) = cli.verb else { return crate::app::run(cli.path) };
     match verb {
         Verb::Demo(args) => demo::demo(&args),
@@ -47,11 +48,12 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Verb::Masks(args) => masks::masks(args),
         Verb::Track(args) => project::track(args),
         Verb::Range(args) => range::range(&args),
-        Verb::Suggest { project } => suggest(&project),
+        Verb::Suggest { project, frame } => suggest(&project, frame),
         Verb::Reconstruct(args) => project::reconstruct(args),
         Verb::Scale(args) => project::scale(args),
         Verb::Fuse(args) => project::fuse(args),
         Verb::Doubt(args) => doubt::doubt(&args),
+        Verb::Instances(args) => instances::instances(&args),
         Verb::Export(args) => project::export(args),
         Verb::Shot(args) => shot::shot(&args),
         Verb::Info(args) => info::info(&args),
@@ -76,9 +78,10 @@ fn run_recipe(path: &Path) -> Result<()> {
     Driver::new().act_and_save(recipe.commands)
 }
 
-fn suggest(project: &Path) -> Result<()> {
+fn suggest(project: &Path, frame: Option<usize>) -> Result<()> {
     let mut driver = Driver::open(project)?;
-    driver.act(Command::Suggest)?;
+    let propose = |frame| Command::Propose { frame, segmenter: "auto".into() };
+    driver.act(frame.map_or(Command::Suggest, propose))?;
     for found in driver.suggestions() {
         say(&format!("{}, at {:.0},{:.0}\n", found.text(), found.at_px.x, found.at_px.y));
     }

@@ -3,6 +3,7 @@ use std::str::FromStr;
 use glam::DVec2;
 
 use crate::frames::cameras::IntrinsicsSource;
+use crate::scene::measure::LengthUnit;
 
 /// `X,Y` in pixels.
 pub(super) fn point(text: &str) -> Result<DVec2, String> {
@@ -26,6 +27,15 @@ pub(super) fn intrinsics(text: &str) -> Result<IntrinsicsSource, String> {
         }
         values => Ok(values),
     }
+}
+
+/// The sign of a unit of lengths.
+pub(super) fn length_unit(text: &str) -> Result<LengthUnit, String> {
+    let mut known = LengthUnit::METRIC.into_iter().chain([LengthUnit::World]);
+    let signs = || LengthUnit::METRIC.map(LengthUnit::sign).join(", ");
+    known
+        .find(|unit| unit.sign() == text)
+        .ok_or_else(|| format!("a unit is {} or {}", signs(), LengthUnit::World.sign()))
 }
 
 /// `WxH` in pixels, 16 to 8192 each.

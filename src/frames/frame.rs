@@ -149,6 +149,12 @@ impl Frame {
         Some((&camera.intrinsics, camera.camera_from_world.as_ref()?))
     }
 
+    /// Whether it has depth and a camera that is posed, so that its pixels have places in the scene.
+    #[must_use]
+    pub fn has_posed_depth(&self) -> bool {
+        self.depth.is_some() && self.posed_camera().is_some()
+    }
+
     /// Whether a sensor measured its depth.
     #[must_use]
     pub fn has_sensor_depth(&self) -> bool {

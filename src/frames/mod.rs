@@ -24,6 +24,7 @@ mod turn;
 
 pub use error::FrameError;
 pub use exif::exif_focal_px;
+pub use film::{FilmOptions, write_film};
 pub use frame::{DepthSource, Frame, FrameCamera, Orientation, PictureSource};
 pub use frame_set::FrameSet;
 pub use image::{DepthMap, Image};

@@ -17,6 +17,7 @@ mod label_tree;
 mod landmarks;
 mod mask;
 mod maxflow;
+mod merge;
 pub mod onnx;
 mod outline;
 mod prompt;
@@ -39,10 +40,12 @@ pub use formats::{
     Imported, MaskFormat, MaskFrame, encode_palette_png, export_masks, file_stems, import_masks, read_labels_json,
     read_palette_png, write_labels_json,
 };
+pub(crate) use lab::{lab_of_pixel, squared_difference};
 pub use label::{Label, LabelId};
 pub use label_tree::LabelTree;
 pub use landmarks::landmarks;
 pub use mask::LabelMask;
+pub use merge::{WalkedFrame, merged};
 pub use outline::{Outline, outlines, simplified_ring};
 pub use prompt::{Click, Prompt, PxBox};
 pub use region::Region;
@@ -50,7 +53,7 @@ pub use robot::{LabelClick, next_click, next_label_click};
 pub use runs::{Extent, RunMask};
 pub use score::{FramePair, FrameScore, LabelScore, MaskScore, ScoreOptions, boundary_f, score_masks, score_pairs};
 pub use seam::{
-    Direction, GroundRequest, Grounded, PreparedFrame, SegmentRequest, Segmenter, TextGrounder, TrackRequest,
+    Direction, GroundRequest, Grounded, PreparedFrame, Proposal, SegmentRequest, Segmenter, TextGrounder, TrackRequest,
     TrackedFrame, Tracker,
 };
 pub use thin::trace;

@@ -27,11 +27,32 @@ pub trait PreparedFrame: Send + Sync {
     /// The object's pixels. Every include click is inside, every exclude click outside.
     ///
     /// # Errors
-    /// [`MaskError::Request`] for an empty prompt or one outside the picture.
-    fn segment(&self, request: &SegmentRequest<'_>) -> Result<Region, MaskError>;
+    /// [`MaskError::Request`] for an empty prompt or one outside the picture; [`MaskError::Stopped`] where it takes long.
+    fn segment(&self, request: &SegmentRequest<'_>, progress: &Progress) -> Result<Region, MaskError>;
+
+    /// Things that nobody asked for, the surest first; `None` where the segmenter only answers prompts.
+    ///
+    /// # Errors
+    /// [`MaskError::Stopped`], or what the engine says.
+    fn proposals(&self, _progress: &Progress) -> Result<Option<Vec<Proposal>>, MaskError> {
+        Ok(None)
+    }
 
     /// Bytes held, for the cache of prepared frames.
     fn bytes(&self) -> usize;
+}
+
+/// A thing that nobody asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Proposal {
+    /// Its pixels.
+    pub region: Region,
+    /// Box around them.
+    pub extent: PxBox,
+    /// How sure the segmenter is, 0–1.
+    pub score: f32,
+    /// How little its border depends on a threshold, 0–1.
+    pub stability: f32,
 }
 
 /// What is asked of a [`PreparedFrame`].

@@ -5,16 +5,20 @@
 
 pub mod carry;
 mod cloud;
+pub mod constrain;
+pub mod correct;
 pub mod doubt;
 mod error;
 pub mod formats;
 pub mod fuse;
+pub mod instances;
 pub mod measure;
 mod mesh;
 pub mod ply;
 pub mod points;
 pub mod rgbd;
 pub mod score;
+pub mod select;
 pub mod sfm;
 pub mod stereo;
 pub mod synthetic;
@@ -24,6 +28,7 @@ mod whole_file;
 
 pub use carry::{CarryOptions, GeometryTracker};
 pub use cloud::{LabelledCloud, UNLABELLED_COLOR};
+pub use constrain::{ConstrainOptions, ConstrainedTracker};
 pub use error::SceneError;
 pub use mesh::LabelledMesh;
 pub use voxels::{fill_interior, voxel_faces, voxelize};

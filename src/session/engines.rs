@@ -9,13 +9,13 @@ use crate::frames::Frame;
 use crate::masks::builtin::BuiltinSegmenter;
 use crate::masks::flow::FlowTracker;
 use crate::masks::{Segmenter, TextGrounder, Tracker};
-use crate::scene::GeometryTracker;
 use crate::scene::rgbd::register::GlobalRegistration;
 use crate::scene::sfm::matching::NearestMatcher;
 use crate::scene::sfm::onnx::{
     LighterGlue, LighterGlueOptions, SuperGlue, SuperGlueOptions, SuperPoint, SuperPointOptions, XFeat, XFeatOptions,
 };
 use crate::scene::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
+use crate::scene::{ConstrainOptions, ConstrainedTracker, GeometryTracker};
 
 /// What an engine is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,6 +77,7 @@ pub fn engines() -> Vec<Engine> {
     vec![
         segmenter("auto", true, "nothing; takes the best that is installed"),
         segmenter("sam", sam_network().is_some(), SAM),
+        segmenter("sam-close", sam_network().is_some(), SAM),
         segmenter("builtin", true, "nothing"),
         grounder("auto", GROUNDERS.into_iter().any(is_usable), GROUNDER),
         grounder("grounding-dino", is_usable("grounding-dino"), GROUNDING_DINO),
@@ -116,9 +117,15 @@ pub(super) fn check_installed(kind: EngineKind, name: &str) -> Result<()> {
 pub(super) fn segmenter(name: &str) -> Result<Arc<dyn Segmenter>> {
     check_installed(EngineKind::Segmenter, name)?;
     Ok(match sam_network().filter(|_| name != "builtin") {
-        Some(network) => Arc::new(KeptSam { network }),
+        Some(network) => Arc::new(KeptSam { network, is_close: name == "sam-close" }),
         None => Arc::new(BuiltinSegmenter),
     })
+}
+
+/// The segmenter that shows what a click would give before it is made: the one of this name, but for one that works hard
+/// for each place anew.
+pub(super) fn previewer(name: &str) -> Result<Arc<dyn Segmenter>> {
+    segmenter(if name == "sam-close" { "sam" } else { name })
 }
 
 /// The first network behind `sam` that can be used.
@@ -142,14 +149,9 @@ const GROUNDERS: [&str; 2] = ["grounding-dino", "yolox"];
 /// The tracker that the settings name; `auto` is the best that is installed and that the frames allow.
 pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tracker>> {
     check_installed(EngineKind::Tracker, &settings.tracker)?;
-    ensure!(
-        !settings.constrain,
-        "--constrain cannot be done yet; track with 'geometry', which only knows what geometry allows"
-    );
-    let has_geometry = |frame: &Frame| frame.depth.is_some() && frame.posed_camera().is_some();
-    let (frames, any) = (&project.frames, project.frames.iter().any(has_geometry));
+    let (frames, any) = (&project.frames, project.frames.iter().any(Frame::has_posed_depth));
     // Depth made of some frames alone says nothing of those between.
-    let everywhere = frames.iter().any(Frame::has_sensor_depth) || frames.iter().all(has_geometry);
+    let everywhere = frames.iter().any(Frame::has_sensor_depth) || frames.iter().all(Frame::has_posed_depth);
     let name = match settings.tracker.as_str() {
         "auto" if any && everywhere => "geometry",
         // On films networks are far ahead of flow.
@@ -166,15 +168,20 @@ pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box
         seen.is_none() || matches!(name, "xmem" | "deaot"),
         "only 'xmem' and 'deaot' see pictures in another size, not '{name}'; name one of them, or choose no size"
     );
-    Ok(match name {
+    let tracker: Box<dyn Tracker> = match name {
         "flow" => Box::new(FlowTracker::default()),
         "xmem" => Box::new(KeptTracker { network: TrackNetwork::XMem, seen }),
         "deaot" => Box::new(KeptTracker { network: TrackNetwork::Deaot, seen }),
         _ => {
             ensure!(any, "'geometry' needs frames with depth and cameras; add both first, or track with 'flow'");
-            Box::new(GeometryTracker::default())
+            return Ok(Box::new(GeometryTracker::default()));
         }
-    })
+    };
+    if !settings.constrain {
+        return Ok(tracker);
+    }
+    ensure!(any, "--constrain needs frames with depth and cameras; add or reconstruct both first, or track without it");
+    Ok(Box::new(ConstrainedTracker { tracker, options: ConstrainOptions::default() }))
 }
 
 /// The first network behind `superglue` that can be used: what is photographed is mostly outdoors, or looks like it.

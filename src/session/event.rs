@@ -64,6 +64,8 @@ pub enum Event {
     CloudChanged,
     /// It is known anew how much masks contradict the cloud.
     DoubtsChanged,
+    /// A network was installed or added.
+    ModelsChanged,
     /// The sparse model of the cameras was loaded.
     SparseChanged,
     /// Something worth knowing, e.g. which tracker was taken.

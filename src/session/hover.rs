@@ -3,6 +3,7 @@ use std::sync::Arc;
 use super::commands::answer;
 use super::jobs::{Kind, Landing};
 use super::{JobId, Project, PromptRequest, Session, engines};
+use crate::engine::job::Progress;
 use crate::masks::{LabelId, LabelMask, PreparedFrame, RunMask};
 
 /// A prompt that nobody sent yet, and what it would give.
@@ -38,7 +39,7 @@ impl Session {
         }
         let (Some(request), Ok(project)) = (self.hover.wanted.clone(), self.snapshot()) else { return };
         let (Some(frame), Ok(segmenter)) =
-            (project.frames.get(request.frame).cloned(), engines::segmenter(&request.segmenter))
+            (project.frames.get(request.frame).cloned(), engines::previewer(&request.segmenter))
         else {
             return;
         };
@@ -46,7 +47,8 @@ impl Session {
         self.hover.answering = Some(self.start("hover", Kind::Background, move |link| {
             // What cannot be shown is not worth a word: the click itself will tell.
             let ready = prepared.get(segmenter.as_ref(), &frame, &store, &link.progress).ok();
-            let answer = ready.and_then(|ready| shown_alone(ready.as_ref(), &project, &request)).map(Arc::new);
+            let answer =
+                ready.and_then(|ready| shown_alone(ready.as_ref(), &project, &request, &link.progress)).map(Arc::new);
             Ok(Box::new(move |session: &mut Self| {
                 session.take_hover(&request, answer);
                 Ok(())
@@ -65,8 +67,13 @@ impl Session {
 }
 
 /// The pixels that a prompt would get, as a mask of its label.
-fn shown_alone(ready: &dyn PreparedFrame, project: &Project, request: &PromptRequest) -> Option<RunMask> {
-    let region = answer(ready, project, request).ok()?;
+fn shown_alone(
+    ready: &dyn PreparedFrame,
+    project: &Project,
+    request: &PromptRequest,
+    progress: &Progress,
+) -> Option<RunMask> {
+    let region = answer(ready, project, request, progress).ok()?;
     let id = |&inside: &bool| if inside { request.label } else { LabelId::NONE };
     let ids = region.inside.iter().map(id).collect();
     Some(RunMask::encode(&LabelMask { width: region.width, height: region.height, ids }))

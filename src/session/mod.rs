@@ -8,20 +8,26 @@ mod around;
 mod cloud;
 mod command;
 mod commands;
+mod correction;
 pub mod demo;
 mod doubt;
 mod drawings;
 mod edit;
+mod embeddings;
 mod engines;
 mod estimate;
 pub mod evaluate;
 mod event;
+mod film;
 mod grounding;
 mod growing;
 mod history;
 mod hover;
+mod instances_request;
 mod jobs;
 mod marks;
+mod mask_requests;
+mod measuring;
 mod models;
 mod networks;
 mod on_demand;
@@ -29,7 +35,10 @@ mod open_project;
 mod pictures;
 mod prepared;
 mod project;
+mod proposed;
 mod recent;
+mod scene_requests;
+mod selected;
 #[expect(clippy::module_inception, reason = "the noun lives in a file of its name")]
 mod session;
 mod sparse;
@@ -40,12 +49,9 @@ mod surfaces;
 #[cfg(test)]
 mod tests;
 
-pub use crate::engine::nn::{Added, CheckedFile, Fetched, Proof, Row};
-pub use command::{
-    Command, ExportRequest, FuseRequest, GroundRequest, NewProject, PaintRequest, PromptRequest, RangeChange,
-    RangeRequest, Recipe, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest, TakeRequest, TidyRequest,
-    TraceRequest, TrackSettings,
-};
+pub use crate::engine::nn::{Added, CheckedFile, Fetched, Installed, Proof, Provider, Row};
+pub use command::{Command, NewProject, Recipe, TrackSettings};
+pub use correction::{CloudChange, CloudCorrection};
 pub use drawings::Drawings;
 pub use edit::Edit;
 pub use engines::{Engine, EngineKind, engines};
@@ -53,13 +59,20 @@ pub use estimate::Estimate;
 pub use event::{Event, JobId, JobView};
 pub use grounding::{FoundThing, Grounding};
 pub use history::{Change, History, Step};
+pub use instances_request::InstancesRequest;
 pub use marks::Marks;
-pub use models::{add_model, check_model, install_model, list_models};
+pub use mask_requests::{
+    GroundRequest, PaintRequest, PromptRequest, RangeChange, RangeRequest, TakeRequest, TidyRequest, TraceRequest,
+};
+pub use measuring::MeasureWish;
+pub use models::{ModelRequest, ModelTask, add_model, check_model, install_model, list_models};
 pub use open_project::OpenProject;
 pub use pictures::Pictures;
 pub use project::{FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
+pub use proposed::ProposedInstances;
 pub use recent::Recent;
+pub use scene_requests::{ExportRequest, FuseRequest, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest};
 pub use session::Session;
 pub use sparse::SparseModel;
-pub use suggestion::Suggestion;
+pub use suggestion::{Reason, Suggestion};
 pub use surfaces::Surface;

@@ -1,8 +1,12 @@
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
+use serde::{Deserialize, Serialize};
 
-use crate::engine::nn::{Added, Catalogue, CheckedFile, Fetched, Row, add, check, install, list, models_folder};
+use super::jobs::{Kind, Landing};
+use super::{Event, JobId, Session};
+use crate::engine::job::{Progress, Stopped};
+use crate::engine::nn::{Added, Catalogue, CheckedFile, Fetched, Proof, Row, add, check, install, list, models_folder};
 
 /// Every network that is known, and whether it is installed.
 ///
@@ -35,4 +39,86 @@ pub fn check_model(name: &str) -> Result<Vec<CheckedFile>> {
 /// When the name is unknown, it has no address, a download fails, or a file is not what it should be.
 pub fn install_model(name: &str, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Result<Vec<Added>> {
     Ok(install(&Catalogue::bundled()?, &models_folder()?, name, told)?)
+}
+
+/// What is wanted of a network of the catalogue (or of ONNX Runtime).
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ModelRequest {
+    /// Its name in the catalogue.
+    pub name: String,
+    /// What is to be done.
+    pub task: ModelTask,
+}
+
+/// What can be done with a network of the catalogue.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelTask {
+    /// Gets it from the net.
+    Install,
+    /// Takes it from files, or from a folder that holds them under the catalogue's names.
+    Add(Vec<PathBuf>),
+    /// Loads what is installed and holds it against what is expected.
+    Check,
+}
+
+impl ModelRequest {
+    /// Title of the job that does it.
+    #[must_use]
+    pub fn title(&self) -> String {
+        let verb = match self.task {
+            ModelTask::Install => "Install",
+            ModelTask::Add(_) => "Add",
+            ModelTask::Check => "Check",
+        };
+        format!("{verb} {}", self.name)
+    }
+}
+
+impl Session {
+    /// Does what is wanted of a network, beside all other jobs; files that could not be checked are told as warnings.
+    pub(super) fn change_model(&mut self, request: &ModelRequest) -> Result<JobId> {
+        let title = request.title();
+        ensure!(!self.jobs.iter().any(|job| job.title == title), "'{title}' is still running; wait for it or stop it");
+        let request = request.clone();
+        Ok(self.start(&title, Kind::Short, move |link| {
+            let warnings = done(&request, &link.progress)?;
+            Ok(Box::new(move |session: &mut Self| {
+                session.warn_all(warnings);
+                session.events.push(Event::ModelsChanged);
+                Ok(())
+            }) as Landing)
+        }))
+    }
+}
+
+/// Does it; returns what could not be checked, and why.
+fn done(request: &ModelRequest, progress: &Progress) -> Result<Vec<String>> {
+    let name = &request.name;
+    let added = match &request.task {
+        ModelTask::Install => install_model(name, &mut |now| told(now, progress).is_ok())?,
+        ModelTask::Add(files) => add_model(name, files)?,
+        ModelTask::Check => {
+            check_model(name)?;
+            Vec::new()
+        }
+    };
+    let unchecked = |added: Added| match added.proof {
+        Proof::None(why) => Some(format!("{}: added unchecked: {why}", added.path.display())),
+        Proof::Fits | Proof::Loads | Proof::Known => None,
+    };
+    Ok(added.into_iter().filter_map(unchecked).collect())
+}
+
+/// Tells how many megabytes of a download are there.
+fn told(now: Fetched<'_>, progress: &Progress) -> Result<(), Stopped> {
+    let megabytes = |bytes: u64| usize::try_from(bytes / 1_000_000).unwrap_or(usize::MAX);
+    let there = megabytes(now.bytes);
+    match now.of {
+        Some(all) => {
+            progress.stage(&format!("{}, MB", now.what))?;
+            progress.step(there, megabytes(all).max(1))
+        }
+        None => progress.stage(&format!("{}, {there} MB", now.what)),
+    }
 }

@@ -1,12 +1,13 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::embeddings::Embeddings;
 use crate::engine::job::Progress;
 use crate::engine::nn::{NnError, models_folder};
 use crate::frames::{DepthMap, Image};
 use crate::masks::onnx::Yolox;
 use crate::masks::onnx::deaot::Deaot;
 use crate::masks::onnx::grounding::GroundingDino;
-use crate::masks::onnx::sam::Sam;
+use crate::masks::onnx::sam::{CloseUps, Part, Sam};
 use crate::masks::onnx::xmem::XMem;
 use crate::masks::{MaskError, PreparedFrame, Segmenter, TextGrounder, TrackRequest, TrackedFrame, Tracker};
 
@@ -42,20 +43,31 @@ pub(super) const SAM_NETWORKS: [&str; 2] = ["sam-vit-b", "mobile-sam"];
 pub(super) struct KeptSam {
     /// Its name in the catalogue.
     pub(super) network: &'static str,
+    /// Whether it looks closely at the surroundings of each prompt instead of once at the whole picture.
+    pub(super) is_close: bool,
 }
 
 impl Segmenter for KeptSam {
     fn name(&self) -> &'static str {
-        "sam"
+        if self.is_close { "sam-close" } else { "sam" }
     }
 
     fn prepare(
         &self,
         image: &Arc<Image>,
-        depth: Option<&Arc<DepthMap>>,
+        _depth: Option<&Arc<DepthMap>>,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
-        SAM.get(|| Sam::load(&models_folder()?, self.network))?.prepare(image, depth, progress)
+        let sam = SAM.get(|| Sam::load(&models_folder()?, self.network))?;
+        if self.is_close {
+            return Ok(Arc::new(CloseUps::new(sam, Arc::clone(image))));
+        }
+        let embed = || sam.embed(image, Part::whole(image.width, image.height), progress);
+        let embedding = match Embeddings::ours() {
+            Some(kept) => kept.get(sam.encoder(), image, embed)?,
+            None => embed()?,
+        };
+        Ok(Arc::new(sam.frame(&embedding)?))
     }
 }
 

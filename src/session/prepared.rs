@@ -68,6 +68,12 @@ impl PreparedFrames {
         Ok(prepared)
     }
 
+    /// Whether so many bytes can be kept at once.
+    #[must_use]
+    pub fn has_room_for(&self, bytes: usize) -> bool {
+        bytes <= self.budget_bytes
+    }
+
     fn slot(&self, key: &str) -> Ready {
         let mut slots = self.lock();
         slots.clock += 1;

@@ -11,10 +11,16 @@ use super::doubt::Doubts;
 use super::growing::Growing;
 use super::hover::Hover;
 use super::jobs::{Job, Jobs, Kind, Landing};
+use super::measuring::Measuring;
 use super::on_demand::OnDemand;
 use super::prepared::PreparedFrames;
+use super::selected::Selected;
 use super::surfaces::Surfaces;
-use super::{Command, Edit, Event, Grounding, JobId, JobView, OpenProject, Project, Recipe, SparseModel, Suggestion};
+use super::{
+    Command, Edit, Event, Grounding, InstancesRequest, JobId, JobView, OpenProject, Project, ProposedInstances, Recipe,
+    SparseModel, Suggestion,
+};
+use crate::engine::nn::take_fall_backs;
 use crate::frames::FrameStore;
 use crate::masks::RunMask;
 
@@ -39,13 +45,16 @@ pub struct Session {
     pub(super) cloud: CloudSlot,
     pub(super) surfaces: Surfaces,
     pub(super) doubts: Doubts,
+    pub(super) measuring: Measuring,
     pub(super) growing: Growing,
     pub(super) sparse: OnDemand<u64, SparseModel>,
+    pub(super) proposed: OnDemand<(u64, InstancesRequest), ProposedInstances>,
     pub(super) track: Option<TrackRun>,
     pub(super) prepared: Arc<PreparedFrames>,
     /// Name of the frame that was last asked to be made ready.
     pub(super) preparing: Option<String>,
     pub(super) hover: Hover,
+    pub(super) selected: Selected,
     /// Which segmenter `auto` was last said to be.
     pub(super) told_segmenter: Option<&'static str>,
     pub(super) interactions: usize,
@@ -76,12 +85,15 @@ impl Session {
             cloud: CloudSlot::default(),
             surfaces: Surfaces::default(),
             doubts: Doubts::default(),
+            measuring: Measuring::default(),
             growing: Growing::default(),
             sparse: OnDemand::default(),
+            proposed: OnDemand::default(),
             track: None,
             prepared: Arc::new(PreparedFrames::new(PREPARED_BYTES)),
             preparing: None,
             hover: Hover::default(),
+            selected: Selected::default(),
             told_segmenter: None,
             interactions: 0,
             suggestions: Vec::new(),
@@ -164,6 +176,7 @@ impl Session {
     /// Takes in what jobs have done since the last call and says what happened. Never waits for a job.
     pub fn poll(&mut self) -> Vec<Event> {
         self.jobs.note_ended();
+        self.warn_all(take_fall_backs());
         while let Some((job, landing)) = self.jobs.next_piece() {
             self.take_piece(job, landing);
         }
@@ -174,7 +187,9 @@ impl Session {
         self.load_wanted_cloud();
         self.load_wanted_surfaces();
         self.load_wanted_sparse();
+        self.load_wanted_instances();
         self.compare_wanted();
+        self.measure_wanted();
         self.checkpoint_if_due();
         std::mem::take(&mut self.events)
     }
@@ -326,7 +341,7 @@ impl Session {
     /// Adds a command that was carried out to the recipe.
     pub(super) fn record(&mut self, command: Option<Command>) {
         match command {
-            Some(Command::Stop) | None => {}
+            Some(Command::Stop | Command::Model(_)) | None => {}
             Some(command) => {
                 if matches!(command, Command::New(_) | Command::Open(_) | Command::Inspect(_) | Command::Close) {
                     self.recipe.commands.clear();

@@ -1,10 +1,12 @@
+use std::sync::Arc;
+
 use glam::DVec2;
 
 use super::{Command, PromptRequest};
-use crate::masks::{Apartness, Click, LabelId, Prompt, PxBox};
+use crate::masks::{Apartness, Click, LabelId, Prompt, PxBox, Region, deepest_point, outlines};
 
 /// A thing that no label explains, offered to be labelled.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Suggestion {
     /// The frame on which it was found.
     pub frame: usize,
@@ -12,13 +14,44 @@ pub struct Suggestion {
     pub at_px: DVec2,
     /// The box around it.
     pub around_px: PxBox,
+    /// Its borders as closed rings of corners in pixels.
+    pub rings_px: Arc<[Vec<DVec2>]>,
     /// Share of the frame that it takes, 0–1.
     pub share: f64,
     /// Why it is offered.
-    pub why: Apartness,
+    pub why: Reason,
 }
 
+/// Why a thing is offered.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reason {
+    /// Something sets it apart from what is around it.
+    Apart(Apartness),
+    /// A segmenter takes it for one thing, so sure (0–1).
+    Proposed(f32),
+}
+
+/// How far a ring may be off the pixels' borders.
+const OFF_PX: f64 = 0.7;
+
 impl Suggestion {
+    /// Of the pixels of a thing; `None` where there are none.
+    #[must_use]
+    pub fn of(frame: usize, region: &Region, why: Reason) -> Option<Self> {
+        let (x, y) = deepest_point(region)?;
+        let rings = outlines(region).into_iter().filter_map(|one| one.simplified(OFF_PX));
+        let rings: Arc<[Vec<DVec2>]> = rings.flat_map(|one| std::iter::once(one.outer).chain(one.holes)).collect();
+        let corners = || rings.iter().flatten().copied();
+        Some(Self {
+            frame,
+            at_px: DVec2::new(f64::from(x), f64::from(y)) + 0.5,
+            around_px: PxBox { min_px: corners().reduce(DVec2::min)?, max_px: corners().reduce(DVec2::max)? },
+            share: region.area() as f64 / region.inside.len() as f64,
+            rings_px: rings,
+            why,
+        })
+    }
+
     /// The prompt that gives it to a label.
     #[must_use]
     pub fn prompt(&self, label: LabelId, segmenter: &str) -> Command {
@@ -31,8 +64,9 @@ impl Suggestion {
     #[must_use]
     pub fn text(&self) -> String {
         let why = match self.why {
-            Apartness::Moves => "moves on its own",
-            Apartness::Stands => "stands apart",
+            Reason::Apart(Apartness::Moves) => "moves on its own".to_owned(),
+            Reason::Apart(Apartness::Stands) => "stands apart".to_owned(),
+            Reason::Proposed(score) => format!("one thing to {:.0} %", 100.0 * score),
         };
         format!("frame {}: {why}, {:.1} % of the picture", self.frame, self.share * 100.0)
     }

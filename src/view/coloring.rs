@@ -1,8 +1,3 @@
-use std::collections::BTreeSet;
-
-use crate::masks::{LabelId, LabelTree};
-use crate::scene::LabelledCloud;
-
 /// What a point's colour shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Coloring {
@@ -13,47 +8,26 @@ pub enum Coloring {
     Label,
     /// The share of the vote its label won: dark violet (0) over green to yellow (1).
     Confidence,
+    /// The share of the vote its strongest rival got: dark violet (0) to yellow (a half).
+    Conflict,
+    /// How many views voted on it: dark violet (none) to yellow (the most).
+    Views,
+    /// Its normal in world space: x as red, y as green, z as blue, each from -1 (0) to 1 (255); unknown ones grey.
+    Normals,
+    /// How high it lies along [`super::Appearance::up`]: dark violet (lowest) to yellow (highest).
+    Height,
 }
 
-/// Label colours by id, ready for loops over millions of points or pixels.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct LabelColors {
-    /// `None` = hidden; ids beyond the end belong to no label.
-    by_id: Vec<Option<[u8; 3]>>,
-}
+impl Coloring {
+    /// All, the picture's colours first.
+    pub const ALL: [Self; 7] =
+        [Self::Rgb, Self::Label, Self::Confidence, Self::Conflict, Self::Views, Self::Normals, Self::Height];
 
-impl LabelColors {
-    /// Colours of all labels but those hidden (with all below them).
-    pub(super) fn new(tree: &LabelTree, hidden: &BTreeSet<LabelId>) -> Self {
-        let count = tree.next_id().0;
-        let color = |id| {
-            let drawn = !hidden.contains(&id) && !tree.path(id).iter().any(|id| hidden.contains(id));
-            drawn.then(|| tree.get(id).map_or(UNLABELLED, |label| label.color))
-        };
-        Self { by_id: (0..count).map(|id| color(LabelId(id))).collect() }
+    /// Whether it shows how points were voted on.
+    #[must_use]
+    pub fn needs_votes(self) -> bool {
+        matches!(self, Self::Conflict | Self::Views)
     }
-
-    /// The label's colour, grey for none; `None` when it is hidden.
-    pub(super) fn get(&self, id: LabelId) -> Option<[u8; 3]> {
-        self.by_id.get(usize::from(id.0)).copied().unwrap_or(Some(UNLABELLED))
-    }
-}
-
-const UNLABELLED: [u8; 3] = [120, 120, 120];
-
-/// The sRGB colour of point `index`; `None` when its label is hidden.
-pub(super) fn point_color(
-    cloud: &LabelledCloud,
-    index: usize,
-    coloring: Coloring,
-    labels: &LabelColors,
-) -> Option<[u8; 3]> {
-    let label_color = labels.get(cloud.labels[index])?;
-    Some(match coloring {
-        Coloring::Rgb => cloud.colors[index],
-        Coloring::Label => label_color,
-        Coloring::Confidence => ramp(cloud.confidence[index]),
-    })
 }
 
 /// A perceptually ordered ramp through five stops (violet, blue, green, lime, yellow): sRGB for a share from 0 to 1.

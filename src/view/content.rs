@@ -3,10 +3,10 @@ use std::sync::Arc;
 
 use wgpu::util::DeviceExt;
 
-use super::coloring::LabelColors;
+use super::Appearance;
+use super::paint::Paint;
 use super::pipelines::Pipelines;
 use super::points::{PointInstance, SpreadOrder, pack, spacing};
-use super::scene_view::Scene3d;
 use super::surface_chunks::SurfaceChunks;
 use crate::scene::{LabelledCloud, LabelledMesh};
 
@@ -45,6 +45,8 @@ pub(super) struct Content {
     pub(super) len: usize,
     /// How many the GPU has; the first of the order.
     pub(super) uploaded: usize,
+    /// The colours of what is uploaded; `None` until the first upload.
+    paint: Option<Paint>,
     kind: Kind,
 }
 
@@ -65,7 +67,7 @@ impl Content {
                 (mesh.triangles.len(), Kind::Surface(SurfaceChunks::new(mesh.triangles.len(), edges)), 0.0)
             }
         };
-        Self { model, spacing, len, uploaded: 0, kind }
+        Self { model, spacing, len, uploaded: 0, paint: None, kind }
     }
 
     pub(super) fn shows(&self, model: &Model) -> bool {
@@ -75,20 +77,33 @@ impl Content {
     /// Colours are others now: all is to be uploaded anew.
     pub(super) fn forget(&mut self) {
         self.uploaded = 0;
+        self.paint = None;
         match &mut self.kind {
             Kind::Points { chunks, .. } => chunks.clear(),
             Kind::Surface(chunks) => chunks.clear(),
         }
     }
 
+    /// What the ends of the ramp stand for that colours come from, where they do.
+    pub(super) fn range(&self) -> Option<[f32; 2]> {
+        self.paint.as_ref().and_then(Paint::range)
+    }
+
+    /// Strength of the eye-dome lighting: triangles are lit by their normals.
+    pub(super) fn edl_strength(&self, of_points: f32) -> f32 {
+        match self.kind {
+            Kind::Points { .. } => of_points,
+            Kind::Surface(_) => 0.0,
+        }
+    }
+
     /// Hands the GPU a bounded part more.
-    pub(super) fn upload_next(&mut self, device: &wgpu::Device, scene: &Scene3d) {
-        let colors =
-            |cloud: &LabelledCloud| LabelColors::new(scene.tree.as_ref().unwrap_or(&cloud.tree), &scene.hidden);
+    pub(super) fn upload_next(&mut self, device: &wgpu::Device, appearance: &Appearance) {
         match (&self.model, &mut self.kind) {
             (Model::Cloud(cloud), Kind::Points { order, chunks }) => {
+                let paint = self.paint.get_or_insert_with(|| Paint::new(cloud, appearance));
                 let end = (self.uploaded + CHUNK).min(cloud.len());
-                let points = pack(cloud, *order, self.uploaded..end, scene.coloring, &colors(cloud));
+                let points = pack(cloud, *order, self.uploaded..end, paint);
                 chunks.push(device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                     label: Some("points"),
                     contents: bytemuck::cast_slice::<PointInstance, u8>(&points),
@@ -97,7 +112,8 @@ impl Content {
                 self.uploaded = end;
             }
             (Model::Surface(mesh) | Model::Wireframe(mesh), Kind::Surface(chunks)) => {
-                self.uploaded = chunks.upload_next(device, mesh, scene.coloring, &colors(&mesh.vertices));
+                let paint = self.paint.get_or_insert_with(|| Paint::new(&mesh.vertices, appearance));
+                self.uploaded = chunks.upload_next(device, mesh, paint);
             }
             _ => {}
         }

@@ -1,9 +1,9 @@
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::coloring::{LabelColors, point_color};
-use super::{RasterStyle, ViewCamera};
-use crate::frames::Image;
+use super::paint::Paint;
+use super::raster::{Pixel, is_shown};
+use super::{Clip, Projection, SceneStyle, Shot, ViewCamera};
 use crate::scene::LabelledMesh;
 
 /// Rows that one task fills.
@@ -15,28 +15,19 @@ pub(super) const AMBIENT: f32 = 0.35;
 struct Corner {
     at_px: Vec2,
     depth: f32,
-    color: Vec3,
+    /// sRGB and opacity, 0–255.
+    color: Vec4,
     light: f32,
+    /// Where it lies in the clip's cube.
+    in_cube: Vec3,
 }
 
 /// Draws a mesh on the CPU, lit from the camera, from both sides. A triangle's border between labels is drawn where it is
 /// (see [`LabelledMesh::split_at_labels`]); hidden labels leave holes. Equal for any number of threads.
 #[must_use]
-pub fn draw_mesh(mesh: &LabelledMesh, camera: &ViewCamera, style: &RasterStyle) -> Image {
+pub fn draw_mesh(mesh: &LabelledMesh, camera: &ViewCamera, style: &SceneStyle) -> Shot {
     let (width, height) = (camera.width as usize, camera.height as usize);
-    let labels = LabelColors::new(&mesh.vertices.tree, &style.hidden);
-    let eye = camera.place();
-    let corners: Vec<Option<Corner>> = (0..mesh.vertices.len())
-        .into_par_iter()
-        .map(|vertex| {
-            let color = point_color(&mesh.vertices, vertex, style.coloring, &labels)?;
-            let position = mesh.vertices.positions[vertex];
-            let (at_px, depth) = camera.project(position)?;
-            let facing = (eye - position).normalize_or_zero().dot(mesh.vertices.normals[vertex]).abs();
-            let light = AMBIENT + (1.0 - AMBIENT) * facing;
-            Some(Corner { at_px, depth, color: Vec3::from_array(color.map(f32::from)), light })
-        })
-        .collect();
+    let corners = corners(mesh, camera, style);
     let bands = height.div_ceil(BAND);
     let mut by_band = vec![Vec::new(); bands];
     for triangle in &mesh.triangles {
@@ -49,16 +40,31 @@ pub fn draw_mesh(mesh: &LabelledMesh, camera: &ViewCamera, style: &RasterStyle) 
         let last = (bottom as usize / BAND).min(bands - 1);
         by_band[top.max(0.0) as usize / BAND..=last].iter_mut().for_each(|members| members.push([a, b, c]));
     }
-    let mut pixels = vec![(f32::INFINITY, style.background); width * height];
+    let mut pixels = vec![Pixel::background(style.background); width * height];
     pixels.par_chunks_mut(BAND * width.max(1)).zip(by_band).enumerate().for_each(|(band, (rows, members))| {
         for corners in members {
-            draw_triangle(rows, width, band * BAND, corners);
+            draw_triangle(rows, width, band * BAND, corners, camera.projection);
         }
     });
-    Image { width: camera.width, height: camera.height, pixels: pixels.into_iter().map(|(_, color)| color).collect() }
+    Shot::of_pixels(camera.width, camera.height, pixels.into_par_iter().map(|pixel| pixel.color))
 }
 
-fn draw_triangle(rows: &mut [(f32, [u8; 3])], width: usize, top: usize, corners: [&Corner; 3]) {
+fn corners(mesh: &LabelledMesh, camera: &ViewCamera, style: &SceneStyle) -> Vec<Option<Corner>> {
+    let paint = Paint::new(&mesh.vertices, &style.appearance);
+    let eye = camera.place();
+    let corner = |vertex: usize| {
+        let color = paint.color(&mesh.vertices, vertex)?;
+        let position = mesh.vertices.positions[vertex];
+        let (at_px, depth) = camera.project(position)?;
+        let facing = (eye - position).normalize_or_zero().dot(mesh.vertices.normals[vertex]).abs();
+        let light = AMBIENT + (1.0 - AMBIENT) * facing;
+        let color = Vec4::from_array(color.map(f32::from));
+        Some(Corner { at_px, depth, color, light, in_cube: style.clip.in_cube(position) })
+    };
+    (0..mesh.vertices.len()).into_par_iter().map(corner).collect()
+}
+
+fn draw_triangle(rows: &mut [Pixel], width: usize, top: usize, corners: [&Corner; 3], projection: Projection) {
     let [a, b, c] = corners.map(|corner| corner.at_px);
     let area = (b - a).perp_dot(c - a);
     if area == 0.0 || !area.is_finite() {
@@ -78,26 +84,48 @@ fn draw_triangle(rows: &mut [(f32, [u8; 3])], width: usize, top: usize, corners:
             if shares.iter().any(|share| *share < 0.0) {
                 continue;
             }
-            let mix = |value: fn(&Corner) -> f32| {
-                shares.iter().zip(corners).map(|(share, corner)| share * value(corner)).sum::<f32>()
-            };
-            // Inverse depth is linear over the picture.
-            let depth = 1.0 / mix(|corner| 1.0 / corner.depth);
             let pixel = &mut rows[y * width + x];
-            if depth < pixel.0 {
-                let color = shares.iter().zip(corners).map(|(share, corner)| corner.color * *share).sum::<Vec3>();
-                *pixel = (depth, (color * mix(|corner| corner.light)).to_array().map(|channel| channel.round() as u8));
+            let share = Vec3::from_array(shares);
+            let depth = depth_at(share, corners, projection);
+            if depth < pixel.depth && is_unclipped(share, corners, depth, projection) {
+                let mut color = corners[0].color * share.x + corners[1].color * share.y + corners[2].color * share.z;
+                color *= share.dot(Vec3::from_array(corners.map(|corner| corner.light))).min(1.0);
+                let [r, g, b, _] = color.to_array().map(|channel| channel.round() as u8);
+                let opacity = corners[0].color.w as u8;
+                if is_shown(opacity, x, y + top) {
+                    *pixel = Pixel { depth, color: [r, g, b, opacity] };
+                }
             }
         }
     }
 }
 
+/// Depth of a place in a triangle as the picture shows it: perspective keeps 1 / depth linear over the picture,
+/// orthographic views depth itself.
+fn depth_at(share: Vec3, corners: [&Corner; 3], projection: Projection) -> f32 {
+    let depths = Vec3::from_array(corners.map(|corner| corner.depth));
+    match projection {
+        Projection::Perspective => 1.0 / share.dot(depths.recip()),
+        Projection::Orthographic { .. } => share.dot(depths),
+    }
+}
+
+fn is_unclipped(share: Vec3, corners: [&Corner; 3], depth: f32, projection: Projection) -> bool {
+    let share = match projection {
+        Projection::Perspective => share * depth / Vec3::from_array(corners.map(|corner| corner.depth)),
+        Projection::Orthographic { .. } => share,
+    };
+    let [a, b, c] = corners.map(|corner| corner.in_cube);
+    Clip::is_in_cube(a * share.x + b * share.y + c * share.z)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frames::Image;
     use crate::masks::{Label, LabelId};
     use crate::scene::LabelledCloud;
-    use crate::view::Coloring;
+    use crate::view::{Appearance, Axes, Bounds, Coloring};
 
     /// A red square at z = 2 and, nearer, a green triangle over its lower left half, seen from the origin.
     fn scene() -> (LabelledMesh, ViewCamera) {
@@ -110,23 +138,54 @@ mod tests {
             vertices.tree.set(Label { id: LabelId(id), name: id.to_string(), color, parent: None }).unwrap();
         }
         let mesh = LabelledMesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6]] };
-        let camera =
-            ViewCamera { camera_from_world: glam::Mat4::IDENTITY, focal_px: 50.0, width: 80, height: 80, near: 0.01 };
+        let camera = ViewCamera {
+            camera_from_world: glam::Mat4::IDENTITY,
+            focal_px: 50.0,
+            projection: Projection::Perspective,
+            width: 80,
+            height: 80,
+            near: 0.01,
+        };
         (mesh, camera)
     }
 
     #[test]
     fn the_nearer_triangle_hides_and_hidden_labels_do_not() {
         let (mesh, camera) = scene();
-        let mut style = RasterStyle { coloring: Coloring::Label, ..RasterStyle::default() };
-        let picture = draw_mesh(&mesh, &camera, &style);
+        let mut style = SceneStyle {
+            appearance: Appearance { coloring: Coloring::Label, ..Default::default() },
+            ..Default::default()
+        };
+        let picture = draw_mesh(&mesh, &camera, &style).image;
         let at = |picture: &Image, x: usize, y: usize| picture.pixels[y * 80 + x];
         assert!(at(&picture, 30, 50)[1] > 150, "{:?}", at(&picture, 30, 50));
         assert!(at(&picture, 50, 30)[0] > 150 && at(&picture, 50, 30)[1] == 0);
         assert_eq!(at(&picture, 2, 2), style.background);
         // The square is 50 pixels wide: no cracks, no doubled pixels between its triangles.
         assert_eq!(picture.pixels.iter().filter(|&&color| color != style.background).count(), 50 * 50);
-        style.hidden.insert(LabelId(2));
-        assert!(at(&draw_mesh(&mesh, &camera, &style), 30, 50)[0] > 150);
+        style.appearance.hidden.insert(LabelId(2));
+        assert!(at(&draw_mesh(&mesh, &camera, &style).image, 30, 50)[0] > 150);
+    }
+
+    #[test]
+    fn triangles_are_cut_at_the_clip_box_and_faint_ones_show_what_is_behind() {
+        let (mesh, camera) = scene();
+        let mut style = SceneStyle {
+            appearance: Appearance { coloring: Coloring::Label, ..Default::default() },
+            ..Default::default()
+        };
+        let sides = Bounds { min: Vec3::splat(-9.0), max: Vec3::new(0.5, 9.0, 9.0) };
+        style.clip = Clip::inside(&Axes { right: Vec3::X, up: Vec3::Y, forward: Vec3::Z }, &sides);
+        let shot = draw_mesh(&mesh, &camera, &style);
+        let columns =
+            |shot: &Shot, y: usize| shot.opacity[y * 80..][..80].iter().filter(|&&opacity| opacity > 0).count();
+        assert_eq!(columns(&shot, 20), 38, "the square ends at x = 0.5, half as far to the right as before");
+        style.clip = Clip::default();
+        (style.appearance.isolated, style.appearance.faint) = (Some(LabelId(1)), 0.25);
+        let shot = draw_mesh(&mesh, &camera, &style);
+        let green = |shot: &Shot| shot.image.pixels.iter().filter(|pixel| pixel[1] > 100).count() as f32;
+        style.appearance.isolated = None;
+        let share = green(&shot) / green(&draw_mesh(&mesh, &camera, &style));
+        assert!((0.2..0.3).contains(&share), "a quarter of the pixels of the near triangle: {share}");
     }
 }

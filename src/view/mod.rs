@@ -3,34 +3,50 @@
 //! On the GPU into textures of its own (`scene_view`), and on the CPU (`raster`, the twin that draws shots anywhere).
 //! May use: scene, masks, frames, geometry, engine::gpu. Must not touch: egui, Session.
 
+mod appearance;
+mod axes;
 mod bounds;
+mod clip;
 mod coloring;
 mod content;
 mod error;
+mod eye;
+mod eye_dome;
+mod label_colors;
 mod layers;
 mod lines;
 mod mesh_raster;
 mod orbit;
 mod overlay;
+mod paint;
 mod pick;
 mod pipelines;
 mod points;
 mod raster;
 mod scene_view;
 mod shot;
+mod style;
 mod surface_chunks;
 mod target;
+#[cfg(test)]
+mod tests;
+mod view_camera;
 
+pub use appearance::Appearance;
+pub use axes::{Axes, Side};
 pub use bounds::Bounds;
+pub use clip::Clip;
 pub use coloring::{Coloring, ramp};
 pub use content::Model;
 pub use error::ViewError;
 pub use layers::{Layer, LayerPicture, draw_layer};
 pub use lines::{Line, frustum_lines, link_lines};
 pub use mesh_raster::draw_mesh;
-pub use orbit::{Orbit, ViewCamera};
+pub use orbit::Orbit;
 pub use overlay::{OverlayStyle, overlay};
 pub use pick::{pick_frustum, pick_point};
-pub use raster::{RasterStyle, draw_cloud};
+pub use raster::draw_cloud;
 pub use scene_view::{Scene3d, SceneView};
-pub use shot::{ShotOptions, default_view, shot, shot_mesh, write_png};
+pub use shot::{Shot, ShotOptions, default_view, shot, shot_from, shot_mesh_from, write_png};
+pub use style::SceneStyle;
+pub use view_camera::{Projection, ViewCamera};

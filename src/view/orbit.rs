@@ -1,6 +1,6 @@
-use glam::{Mat3, Mat4, Quat, Vec2, Vec3, Vec4};
+use glam::{Mat3, Mat4, Quat, Vec2, Vec3};
 
-use super::Bounds;
+use super::{Axes, Bounds, Projection, Side, ViewCamera};
 use crate::geometry::{Camera, Pose};
 
 /// A camera that circles around a point, as the mouse moves it.
@@ -16,21 +16,8 @@ pub struct Orbit {
     pub up: Vec3,
     /// Vertical field of view in radians.
     pub fov_y: f32,
-}
-
-/// A pinhole camera ready to draw with: OpenCV axes, pixel centre of the top-left pixel at (0.5, 0.5).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ViewCamera {
-    /// `camera_from_world`.
-    pub camera_from_world: Mat4,
-    /// Focal length in pixels.
-    pub focal_px: f32,
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Points nearer than this are not drawn.
-    pub near: f32,
+    /// Things do not shrink with distance; those at the target's are as large as in perspective.
+    pub orthographic: bool,
 }
 
 impl Orbit {
@@ -45,6 +32,7 @@ impl Orbit {
             rotation,
             up: up.normalize_or(Vec3::NEG_Y),
             fov_y,
+            orthographic: false,
         }
     }
 
@@ -54,7 +42,8 @@ impl Orbit {
         let rotation = camera_from_world.rotation.as_quat();
         let forward = rotation.conjugate() * Vec3::Z;
         let fov_y = 2.0 * (f64::from(camera.height) / (2.0 * camera.focal_px.y)).atan() as f32;
-        Self { target: camera_from_world.centre().as_vec3() + forward * depth, distance: depth, rotation, up, fov_y }
+        let target = camera_from_world.centre().as_vec3() + forward * depth;
+        Self { target, distance: depth, rotation, up, fov_y, orthographic: false }
     }
 
     /// Turns by a pointer movement in pixels.
@@ -62,15 +51,28 @@ impl Orbit {
         let yaw = Quat::from_axis_angle(self.up, -delta_px.x * 0.008);
         let pitch = Quat::from_rotation_x(-delta_px.y * 0.008);
         let turned = (pitch * self.rotation * yaw).normalize();
-        // Looking straight up or down along `up` would make left and right meaningless: stop a little before.
-        let before = (self.rotation.conjugate() * Vec3::Z).dot(self.up).abs();
-        let after = (turned.conjugate() * Vec3::Z).dot(self.up).abs();
-        let upright = (turned.conjugate() * Vec3::NEG_Y).dot(self.up) > 0.0;
-        if (after < 0.998 && upright) || after < before {
+        // Looking straight up or down along `up` would make left and right meaningless: stop a little before. Whoever looks
+        // so already may only turn back, and upside down only who is so.
+        let steep = |rotation: Quat| (rotation.conjugate() * Vec3::Z).dot(self.up).abs();
+        let upright = |rotation: Quat| (rotation.conjugate() * Vec3::NEG_Y).dot(self.up);
+        let is_free = steep(turned) < 0.998 || steep(turned) < steep(self.rotation);
+        if is_free && (upright(turned) > 0.0 || upright(self.rotation) < -1e-3) {
             self.rotation = turned;
         } else {
             self.rotation = (self.rotation * yaw).normalize();
         }
+    }
+
+    /// Turns about `up` by an angle in radians; the scene is seen to turn to the right.
+    pub fn turn(&mut self, angle: f32) {
+        self.rotation = (self.rotation * Quat::from_axis_angle(self.up, -angle)).normalize();
+    }
+
+    /// Looks at the target from a side of the scene.
+    pub fn look_from(&mut self, axes: &Axes, side: Side) {
+        let (direction, up_in_picture) = axes.look_from(side);
+        self.rotation = look_rotation(direction, up_in_picture);
+        self.up = axes.up;
     }
 
     /// Moves sideways by a pointer movement in pixels of a view `height_px` high: the target stays under the pointer.
@@ -105,47 +107,12 @@ impl Orbit {
             translation.extend(1.0),
         );
         let focal_px = height.max(1) as f32 / (2.0 * (self.fov_y / 2.0).tan());
-        ViewCamera { camera_from_world, focal_px, width, height, near: self.distance * 1e-3 }
-    }
-}
-
-impl ViewCamera {
-    /// Pixel position and depth of a world point; `None` nearer than `near`.
-    #[must_use]
-    pub fn project(&self, x_in_world: Vec3) -> Option<(Vec2, f32)> {
-        let x = self.camera_from_world.transform_point3(x_in_world);
-        if x.z < self.near {
-            return None;
-        }
-        let centre = Vec2::new(self.width as f32, self.height as f32) / 2.0;
-        Some((x.truncate() / x.z * self.focal_px + centre, x.z))
-    }
-
-    /// Where the camera is, in world space.
-    #[must_use]
-    pub fn place(&self) -> Vec3 {
-        self.camera_from_world.inverse().w_axis.truncate()
-    }
-
-    /// The world point at a pixel position and depth.
-    #[must_use]
-    pub fn unproject(&self, at_px: Vec2, depth: f32) -> Vec3 {
-        let centre = Vec2::new(self.width as f32, self.height as f32) / 2.0;
-        let x = ((at_px - centre) / self.focal_px * depth).extend(depth);
-        self.camera_from_world.inverse().transform_point3(x)
-    }
-
-    /// `clip_from_world` for wgpu: reversed depth (near → 1, infinity → 0), so that far scenes keep their precision.
-    #[must_use]
-    pub fn clip_from_world(&self) -> Mat4 {
-        let (w, h) = (self.width.max(1) as f32, self.height.max(1) as f32);
-        let clip_from_camera = Mat4::from_cols(
-            Vec4::new(2.0 * self.focal_px / w, 0.0, 0.0, 0.0),
-            Vec4::new(0.0, -2.0 * self.focal_px / h, 0.0, 0.0),
-            Vec4::new(0.0, 0.0, 0.0, 1.0),
-            Vec4::new(0.0, 0.0, self.near, 0.0),
-        );
-        clip_from_camera * self.camera_from_world
+        let (projection, near) = if self.orthographic {
+            (Projection::Orthographic { depth: self.distance }, self.distance * (1.0 - ViewCamera::REACH))
+        } else {
+            (Projection::Perspective, self.distance * 1e-3)
+        };
+        ViewCamera { camera_from_world, focal_px, projection, width, height, near }
     }
 }
 
@@ -180,14 +147,6 @@ mod tests {
     }
 
     #[test]
-    fn project_inverts_unproject() {
-        let camera = sample().camera(640, 480);
-        let x = camera.unproject(Vec2::new(100.0, 300.0), 2.0);
-        let (px, depth) = camera.project(x).unwrap();
-        assert!((px - Vec2::new(100.0, 300.0)).length() < 1e-2 && (depth - 2.0).abs() < 1e-4);
-    }
-
-    #[test]
     fn zoom_keeps_the_point_under_the_pointer() {
         let mut orbit = sample();
         let towards = Vec3::new(0.5, -0.2, 0.1);
@@ -198,23 +157,43 @@ mod tests {
     }
 
     #[test]
-    fn clip_agrees_with_project() {
-        let camera = sample().camera(640, 480);
-        let x = Vec3::new(0.4, 0.3, -0.6);
-        let (px, _) = camera.project(x).unwrap();
-        let clip = camera.clip_from_world() * x.extend(1.0);
-        let ndc = clip.truncate() / clip.w;
-        let from_clip = Vec2::new((ndc.x + 1.0) * 320.0, (1.0 - ndc.y) * 240.0);
-        assert!((px - from_clip).length() < 1e-2);
-        assert!(ndc.z > 0.0 && ndc.z < 1.0);
-    }
-
-    #[test]
     fn orbiting_never_turns_upside_down() {
         let mut orbit = sample();
         for _ in 0..100 {
             orbit.orbit(Vec2::new(3.0, 40.0));
         }
         assert!((orbit.rotation.conjugate() * Vec3::NEG_Y).dot(orbit.up) > 0.0);
+    }
+
+    #[test]
+    fn sides_show_the_scene_upright_and_from_above_it_tilts_the_right_way_only() {
+        let axes = Axes::new(Vec3::NEG_Y, Vec3::Z);
+        let mut orbit = sample();
+        let at = |orbit: &Orbit, x: Vec3| orbit.camera(400, 400).project(x).unwrap().0 - 200.0;
+        for (side, right) in
+            [(Side::Front, Vec3::X), (Side::Back, Vec3::NEG_X), (Side::Left, Vec3::NEG_Z), (Side::Right, Vec3::Z)]
+        {
+            orbit.look_from(&axes, side);
+            assert!(at(&orbit, axes.up).y < -50.0 && at(&orbit, right).x > 50.0, "{side:?}");
+        }
+        orbit.look_from(&axes, Side::Top);
+        assert!(at(&orbit, axes.forward).y < -50.0 && at(&orbit, axes.right).x > 50.0);
+        for pull in [30.0, -30.0] {
+            let mut tilted = orbit;
+            tilted.orbit(Vec2::new(0.0, pull));
+            assert!((tilted.rotation.conjugate() * Vec3::NEG_Y).dot(orbit.up) > -1e-3, "{pull}");
+        }
+    }
+
+    #[test]
+    fn a_whole_turn_comes_back_to_where_it_began() {
+        let begin = sample();
+        let mut orbit = begin;
+        for _ in 0..8 {
+            orbit.turn(std::f32::consts::TAU / 8.0);
+            let steep = |orbit: &Orbit| (orbit.rotation.conjugate() * Vec3::Z).dot(orbit.up);
+            assert!((steep(&orbit) - steep(&begin)).abs() < 1e-4);
+        }
+        assert!(orbit.rotation.angle_between(begin.rotation) < 1e-3);
     }
 }

@@ -2,7 +2,8 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
-use super::coloring::LabelColors;
+use super::Appearance;
+use super::label_colors::LabelColors;
 use crate::masks::{LabelId, LabelMask, LabelTree};
 
 /// How a mask lies over its picture.
@@ -25,7 +26,7 @@ impl Default for OverlayStyle {
 /// The mask as `width · height` straight-alpha sRGB pixels, to be laid over the picture.
 #[must_use]
 pub fn overlay(mask: &LabelMask, tree: &LabelTree, style: &OverlayStyle) -> Vec<[u8; 4]> {
-    let colors = LabelColors::new(tree, &style.hidden);
+    let colors = LabelColors::new(tree, &Appearance { hidden: style.hidden.clone(), ..Appearance::default() });
     let alpha = (style.opacity.clamp(0.0, 1.0) * 255.0).round() as u8;
     let width = mask.width as usize;
     let mut pixels = vec![[0; 4]; mask.ids.len()];
@@ -35,7 +36,8 @@ pub fn overlay(mask: &LabelMask, tree: &LabelTree, style: &OverlayStyle) -> Vec<
             if id == LabelId::NONE {
                 continue;
             }
-            if let Some([r, g, b]) = colors.get(id) {
+            let [r, g, b, shown] = colors.get(id);
+            if shown > 0 {
                 let outlined = style.outlines && on_border(mask, x, y);
                 *pixel = [r, g, b, if outlined { 255 } else { alpha }];
             }

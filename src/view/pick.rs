@@ -1,25 +1,24 @@
-use std::collections::BTreeSet;
-
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::ViewCamera;
-use super::coloring::LabelColors;
+use super::paint::Paint;
+use super::{Appearance, Clip, ViewCamera};
 use crate::frames::Frame;
-use crate::masks::LabelId;
 use crate::scene::LabelledCloud;
 
 /// The point seen at a pixel position: the nearest to the eye among those within `radius_px`, preferring the one that
-/// lies closest to the position when several are about equally near. Hidden labels are looked through.
+/// lies closest to the position when several are about equally near. What is hidden or clipped is looked through, and
+/// what is faint wherever there is anything else.
 #[must_use]
 pub fn pick_point(
     cloud: &LabelledCloud,
     camera: &ViewCamera,
     at_px: Vec2,
     radius_px: f32,
-    hidden: &BTreeSet<LabelId>,
+    appearance: &Appearance,
+    clip: &Clip,
 ) -> Option<usize> {
-    let colors = LabelColors::new(&cloud.tree, hidden);
+    let paint = Paint::new(cloud, appearance);
     let hits: Vec<(usize, f32, f32)> = cloud
         .positions
         .par_iter()
@@ -27,12 +26,15 @@ pub fn pick_point(
         .filter_map(|(index, &x)| {
             let (px, depth) = camera.project(x)?;
             let off = px.distance(at_px);
-            (off <= radius_px && colors.get(cloud.labels[index]).is_some()).then_some((index, depth, off))
+            let is_drawn = || paint.opacity(cloud.labels[index]) > 0 && clip.contains(x);
+            (off <= radius_px && is_drawn()).then_some((index, depth, off))
         })
         .collect();
-    let nearest = hits.iter().map(|hit| hit.1).min_by(f32::total_cmp)?;
-    hits.iter()
-        .filter(|hit| hit.1 <= nearest * 1.01)
+    let most = hits.iter().map(|hit| paint.opacity(cloud.labels[hit.0])).max()?;
+    let solid = || hits.iter().filter(|hit| paint.opacity(cloud.labels[hit.0]) == most);
+    let nearest = solid().map(|hit| hit.1).min_by(f32::total_cmp)?;
+    solid()
+        .filter(|hit| camera.farther_by(hit.1, nearest) <= 0.01)
         .min_by(|a, b| a.2.total_cmp(&b.2).then(a.0.cmp(&b.0)))
         .map(|hit| hit.0)
 }
@@ -51,4 +53,39 @@ pub fn pick_frustum(frames: &[Frame], camera: &ViewCamera, at_px: Vec2, radius_p
         .filter_map(|(number, frame)| Some((number, distance(frame)?)))
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .map(|(number, _)| number)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::masks::{Label, LabelId};
+    use crate::view::{Axes, Bounds, Orbit};
+
+    #[test]
+    fn what_is_clipped_or_faint_is_looked_through() {
+        let mut cloud = LabelledCloud::from_positions(vec![Vec3::ZERO, Vec3::Z]);
+        cloud.labels = vec![LabelId(1), LabelId(2)];
+        for id in [1, 2] {
+            let label = Label { id: LabelId(id), name: id.to_string(), color: [9; 3], parent: None };
+            cloud.tree.set(label).unwrap();
+        }
+        let bounds = Bounds { min: Vec3::splat(-1.0), max: Vec3::ONE };
+        let mut orbit = Orbit::framing(&bounds, Vec3::Z, Vec3::NEG_Y);
+        for orthographic in [false, true] {
+            orbit.orthographic = orthographic;
+            let camera = orbit.camera(100, 100);
+            let pick = |appearance: &Appearance, clip: &Clip| {
+                pick_point(&cloud, &camera, Vec2::splat(50.0), 4.0, appearance, clip)
+            };
+            let mut appearance = Appearance::default();
+            assert_eq!(pick(&appearance, &Clip::default()), Some(0));
+            let axes = Axes { right: Vec3::X, up: Vec3::Y, forward: Vec3::Z };
+            let far_half = Bounds { min: Vec3::new(-1.0, -1.0, 0.5), max: Vec3::splat(2.0) };
+            assert_eq!(pick(&appearance, &Clip::inside(&axes, &far_half)), Some(1));
+            (appearance.isolated, appearance.faint) = (Some(LabelId(2)), 0.3);
+            assert_eq!(pick(&appearance, &Clip::default()), Some(1));
+            appearance.hidden.insert(LabelId(2));
+            assert_eq!(pick(&appearance, &Clip::default()), Some(0), "nothing else is there");
+        }
+    }
 }

@@ -79,11 +79,35 @@ impl Pipelines {
     }
 }
 
+/// What writes its depth and hides what lies behind it.
 fn pipeline(
     device: &wgpu::Device,
     bindings: &wgpu::BindGroupLayout,
     shader: wgpu::ShaderModuleDescriptor<'_>,
     shape: &Shape,
+) -> wgpu::RenderPipeline {
+    let vertices = wgpu::VertexBufferLayout {
+        array_stride: shape.stride as u64,
+        step_mode: shape.step_mode,
+        attributes: shape.attributes,
+    };
+    let depth = wgpu::DepthStencilState {
+        format: DEPTH_FORMAT,
+        depth_write_enabled: Some(true),
+        depth_compare: Some(wgpu::CompareFunction::Greater),
+        stencil: wgpu::StencilState::default(),
+        bias: wgpu::DepthBiasState::default(),
+    };
+    compiled(device, bindings, shader, (&[Some(vertices)], shape.topology), Some(depth))
+}
+
+/// The functions `vertex` and `fragment` of a shader, drawing vertices as they lie in memory.
+pub(super) fn compiled(
+    device: &wgpu::Device,
+    bindings: &wgpu::BindGroupLayout,
+    shader: wgpu::ShaderModuleDescriptor<'_>,
+    (buffers, topology): (&[Option<wgpu::VertexBufferLayout<'_>>], wgpu::PrimitiveTopology),
+    depth_stencil: Option<wgpu::DepthStencilState>,
 ) -> wgpu::RenderPipeline {
     let label = shader.label;
     let module = device.create_shader_module(shader);
@@ -99,20 +123,10 @@ fn pipeline(
             module: &module,
             entry_point: Some("vertex"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[Some(wgpu::VertexBufferLayout {
-                array_stride: shape.stride as u64,
-                step_mode: shape.step_mode,
-                attributes: shape.attributes,
-            })],
+            buffers,
         },
-        primitive: wgpu::PrimitiveState { topology: shape.topology, ..Default::default() },
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: DEPTH_FORMAT,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Greater),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
+        primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+        depth_stencil,
         multisample: wgpu::MultisampleState::default(),
         fragment: Some(wgpu::FragmentState {
             module: &module,

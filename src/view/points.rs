@@ -1,7 +1,7 @@
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
-use super::coloring::{Coloring, LabelColors, point_color};
+use super::paint::Paint;
 use crate::scene::LabelledCloud;
 
 /// What all shaders know of the camera.
@@ -9,7 +9,9 @@ use crate::scene::LabelledCloud;
 #[repr(C)]
 pub(super) struct EyeUniform {
     pub clip_from_world: [[f32; 4]; 4],
-    /// Width and height in pixels, focal length in pixels, disc radius in world units.
+    /// Takes the inside of the clip box to the cube from -1 to 1.
+    pub cube_from_world: [[f32; 4]; 4],
+    /// Width and height in pixels, pixels per world unit at clip w = 1, disc radius in world units.
     pub view: [f32; 4],
     /// Smallest and largest disc radius in pixels, two unused.
     pub disc: [f32; 4],
@@ -57,14 +59,13 @@ pub(super) fn pack(
     cloud: &LabelledCloud,
     order: SpreadOrder,
     places: std::ops::Range<usize>,
-    coloring: Coloring,
-    labels: &LabelColors,
+    paint: &Paint,
 ) -> Vec<PointInstance> {
     places
         .into_par_iter()
         .map(|place| {
             let index = order.at(place);
-            let color = point_color(cloud, index, coloring, labels).map_or([0; 4], |[r, g, b]| [r, g, b, 255]);
+            let color = paint.color(cloud, index).unwrap_or_default();
             PointInstance { position: cloud.positions[index].to_array(), color }
         })
         .collect()

@@ -1,39 +1,15 @@
-use std::collections::BTreeSet;
-
 use rayon::prelude::*;
 
-use super::coloring::{LabelColors, point_color};
+use super::paint::Paint;
 use super::points::spacing;
-use super::{Coloring, ViewCamera};
-use crate::frames::Image;
-use crate::masks::LabelId;
+use super::{SceneStyle, Shot, ViewCamera};
 use crate::scene::LabelledCloud;
 
-/// How [`draw_cloud`] draws.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RasterStyle {
-    /// What point colours show.
-    pub coloring: Coloring,
-    /// Labels (with all below them) that are not drawn.
-    pub hidden: BTreeSet<LabelId>,
-    /// Smallest disc radius in pixels, above 0.
-    pub point_px: f32,
-    /// sRGB.
-    pub background: [u8; 3],
-    /// Strength of the eye-dome lighting, 0 = off.
-    pub edl_strength: f32,
-}
-
-impl Default for RasterStyle {
-    fn default() -> Self {
-        Self {
-            coloring: Coloring::Rgb,
-            hidden: BTreeSet::new(),
-            point_px: 0.8,
-            background: [24, 26, 30],
-            edl_strength: 0.8,
-        }
-    }
+/// A pixel on its way to a picture. Opacity 0 = nothing is drawn there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Pixel {
+    pub depth: f32,
+    pub color: [u8; 4],
 }
 
 struct Splat {
@@ -41,28 +17,29 @@ struct Splat {
     y: f32,
     depth: f32,
     radius: f32,
-    color: [u8; 3],
+    color: [u8; 4],
+}
+
+impl Pixel {
+    pub(super) fn background([r, g, b]: [u8; 3]) -> Self {
+        Self { depth: f32::INFINITY, color: [r, g, b, 0] }
+    }
+}
+
+/// Whether something of this opacity (0–255) is drawn at a pixel: an ordered dither (Bayer 1973), so that what is faint
+/// needs no order. Twin: `is_shown` in the shaders.
+pub(super) fn is_shown(opacity: u8, x: usize, y: usize) -> bool {
+    const THRESHOLDS: [[u32; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
+    u32::from(opacity) * 32 > (2 * THRESHOLDS[y % 4][x % 4] + 1) * 255
 }
 
 /// Draws a cloud on the CPU: round discs with a z-buffer, shaded by eye-dome lighting (Boucheny, Visualisation
 /// scientifique de grands volumes de données, 2009). Equal for any number of threads.
 #[must_use]
-pub fn draw_cloud(cloud: &LabelledCloud, camera: &ViewCamera, style: &RasterStyle) -> Image {
+pub fn draw_cloud(cloud: &LabelledCloud, camera: &ViewCamera, style: &SceneStyle) -> Shot {
     let (width, height) = (camera.width as usize, camera.height as usize);
-    let radius_world = spacing(cloud) * 0.75;
-    let labels = LabelColors::new(&cloud.tree, &style.hidden);
-    let splats: Vec<Splat> = (0..cloud.len())
-        .into_par_iter()
-        .filter_map(|index| {
-            let color = point_color(cloud, index, style.coloring, &labels)?;
-            let (px, depth) = camera.project(cloud.positions[index])?;
-            let radius = (radius_world * camera.focal_px / depth).clamp(style.point_px, style.point_px.max(24.0));
-            let seen =
-                px.x > -radius && px.y > -radius && px.x < width as f32 + radius && px.y < height as f32 + radius;
-            seen.then_some(Splat { x: px.x, y: px.y, depth, radius, color })
-        })
-        .collect();
-    let mut pixels = vec![(f32::INFINITY, style.background); width * height];
+    let splats = splats(cloud, camera, style);
+    let mut pixels = vec![Pixel::background(style.background); width * height];
     let band = 32 * width.max(1);
     let by_band = sort_into_bands(&splats, height.div_ceil(32));
     pixels.par_chunks_mut(band).zip(by_band).enumerate().for_each(|(index, (rows, members))| {
@@ -70,9 +47,23 @@ pub fn draw_cloud(cloud: &LabelledCloud, camera: &ViewCamera, style: &RasterStyl
             draw_disc(rows, width, index * 32, &splats[member as usize]);
         }
     });
-    let shaded =
-        (0..width * height).into_par_iter().map(|at| edl(&pixels, width, height, at, style.edl_strength)).collect();
-    Image { width: camera.width, height: camera.height, pixels: shaded }
+    let lit = |at: usize| edl(&pixels, camera, at, style.edl_strength);
+    Shot::of_pixels(camera.width, camera.height, (0..width * height).into_par_iter().map(lit))
+}
+
+fn splats(cloud: &LabelledCloud, camera: &ViewCamera, style: &SceneStyle) -> Vec<Splat> {
+    let (width, height) = (camera.width as f32, camera.height as f32);
+    let radius_world = spacing(cloud) * 0.75;
+    let paint = Paint::new(cloud, &style.appearance);
+    let splat = |index: usize| {
+        let position = cloud.positions[index];
+        let color = paint.color(cloud, index).filter(|_| style.clip.contains(position))?;
+        let (px, depth) = camera.project(position)?;
+        let radius = (radius_world * camera.px_per_unit(depth)).clamp(style.point_px, style.point_px.max(24.0));
+        let seen = px.x > -radius && px.y > -radius && px.x < width + radius && px.y < height + radius;
+        seen.then_some(Splat { x: px.x, y: px.y, depth, radius, color })
+    };
+    (0..cloud.len()).into_par_iter().filter_map(splat).collect()
 }
 
 /// For each band of 32 rows the splats that touch it, in their order.
@@ -88,7 +79,7 @@ fn sort_into_bands(splats: &[Splat], bands: usize) -> Vec<Vec<u32>> {
     by_band
 }
 
-fn draw_disc(rows: &mut [(f32, [u8; 3])], width: usize, top: usize, splat: &Splat) {
+fn draw_disc(rows: &mut [Pixel], width: usize, top: usize, splat: &Splat) {
     let height = rows.len() / width;
     let span = |centre: f32, limit: usize, offset: f32| {
         let from = (centre - splat.radius - offset - 0.5).ceil().max(0.0) as usize;
@@ -99,30 +90,33 @@ fn draw_disc(rows: &mut [(f32, [u8; 3])], width: usize, top: usize, splat: &Spla
         for x in span(splat.x, width, 0.0) {
             let (dx, dy) = (x as f32 + 0.5 - splat.x, (y + top) as f32 + 0.5 - splat.y);
             let pixel = &mut rows[y * width + x];
-            if dx * dx + dy * dy <= splat.radius * splat.radius && splat.depth < pixel.0 {
-                *pixel = (splat.depth, splat.color);
+            let is_inside = dx * dx + dy * dy <= splat.radius * splat.radius;
+            if is_inside && splat.depth < pixel.depth && is_shown(splat.color[3], x, y + top) {
+                *pixel = Pixel { depth: splat.depth, color: splat.color };
             }
         }
     }
 }
 
-/// Darkens a pixel by how much farther it lies than its neighbours.
-fn edl(pixels: &[(f32, [u8; 3])], width: usize, height: usize, at: usize, strength: f32) -> [u8; 3] {
-    let (depth, color) = pixels[at];
-    if strength <= 0.0 || depth.is_infinite() {
-        return color;
+/// Darkens a pixel by how much farther it lies than its neighbours. Fainter neighbours throw no shade. Twin: edl.wgsl.
+fn edl(pixels: &[Pixel], camera: &ViewCamera, at: usize, strength: f32) -> [u8; 4] {
+    let (width, height) = (camera.width as isize, camera.height as isize);
+    let Pixel { depth, color: [r, g, b, opacity] } = pixels[at];
+    if strength <= 0.0 || opacity == 0 {
+        return [r, g, b, opacity];
     }
-    let (x, y) = ((at % width) as isize, (at / width) as isize);
+    let (x, y) = (at as isize % width, at as isize / width);
     let mut drop = 0.0;
     for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)] {
         let (nx, ny) = (x + dx * 2, y + dy * 2);
-        if nx >= 0 && ny >= 0 && (nx as usize) < width && (ny as usize) < height {
-            let near = pixels[ny as usize * width + nx as usize].0;
-            if near.is_finite() {
-                drop += ((depth / near).ln() * 100.0).max(0.0);
+        if nx >= 0 && ny >= 0 && nx < width && ny < height {
+            let neighbour = pixels[(ny * width + nx) as usize];
+            if neighbour.color[3] >= opacity {
+                drop += (camera.farther_by(depth, neighbour.depth) * 100.0).max(0.0);
             }
         }
     }
     let light = (-drop * strength / 8.0).exp().clamp(0.25, 1.0);
-    color.map(|channel| (f32::from(channel) * light) as u8)
+    let [r, g, b] = [r, g, b].map(|channel| (f32::from(channel) * light).round() as u8);
+    [r, g, b, opacity]
 }

@@ -1,27 +1,64 @@
-use std::collections::BTreeSet;
 use std::path::Path;
 
 use glam::Vec3;
+use rayon::prelude::*;
 
-use super::{Bounds, Coloring, Orbit, RasterStyle, ViewError, draw_cloud, draw_mesh};
+use super::{Axes, Bounds, Orbit, SceneStyle, ViewError, draw_cloud, draw_mesh};
 use crate::frames::{Frame, Image};
-use crate::masks::LabelId;
 use crate::scene::{LabelledCloud, LabelledMesh};
+
+/// A drawn picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shot {
+    /// Its colours.
+    pub image: Image,
+    /// By pixel, how much of it is covered by what is drawn; 0 = the background alone.
+    pub opacity: Vec<u8>,
+}
 
 /// What a shot shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShotOptions {
     /// Columns and rows in pixels.
     pub size: (u32, u32),
-    /// What point colours show.
-    pub coloring: Coloring,
-    /// Labels (with all below them) that are not drawn.
-    pub hidden: BTreeSet<LabelId>,
+    /// How it is drawn.
+    pub style: SceneStyle,
 }
 
 impl Default for ShotOptions {
     fn default() -> Self {
-        Self { size: (1280, 960), coloring: Coloring::Rgb, hidden: BTreeSet::new() }
+        Self { size: (1280, 960), style: SceneStyle::default() }
+    }
+}
+
+impl ShotOptions {
+    fn aspect(&self) -> f32 {
+        self.size.0 as f32 / self.size.1.max(1) as f32
+    }
+}
+
+impl Shot {
+    /// Pixels that are drawn (opacity above 0) or show the background.
+    pub(super) fn of_pixels(width: u32, height: u32, pixels: impl IndexedParallelIterator<Item = [u8; 4]>) -> Self {
+        let (colors, opacity) = pixels.map(|[r, g, b, a]| ([r, g, b], if a > 0 { 255 } else { 0 })).unzip();
+        Self { image: Image { width, height, pixels: colors }, opacity }
+    }
+
+    /// Half as large: each pixel's colour is the mean of four, or of those that are drawn where the background is left out.
+    fn halved(&self, without_background: bool) -> Self {
+        let (width, height) = (self.image.width / 2, self.image.height / 2);
+        let mean = |at: usize| {
+            let (x, y) = (at % width as usize * 2, at / width as usize * 2);
+            let four = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| y * self.image.width as usize + x);
+            let covered = four.iter().map(|&at| u32::from(self.opacity[at])).sum::<u32>() / 255;
+            let part = without_background && covered > 0;
+            let counted = || four.iter().filter(|&&at| !part || self.opacity[at] > 0);
+            let sum = |channel: usize| counted().map(|&at| u32::from(self.image.pixels[at][channel])).sum::<u32>();
+            let count = if part { covered } else { 4 };
+            ([0, 1, 2].map(|channel| (sum(channel) / count) as u8), (covered * 255 / 4) as u8)
+        };
+        let (pixels, opacity) = (0..width as usize * height as usize).into_par_iter().map(mean).unzip();
+        Self { image: Image { width, height, pixels }, opacity }
     }
 }
 
@@ -29,30 +66,23 @@ impl Default for ShotOptions {
 ///
 /// # Errors
 /// [`ViewError::Empty`] without points.
-pub fn shot(cloud: &LabelledCloud, frames: &[Frame], options: &ShotOptions) -> Result<Image, ViewError> {
-    let orbit =
-        default_view(cloud, frames, options.size.0 as f32 / options.size.1.max(1) as f32).ok_or(ViewError::Empty)?;
-    let style = RasterStyle { coloring: options.coloring, hidden: options.hidden.clone(), ..RasterStyle::default() };
-    Ok(draw_cloud(cloud, &orbit.camera(options.size.0, options.size.1), &style))
+pub fn shot(cloud: &LabelledCloud, frames: &[Frame], options: &ShotOptions) -> Result<Shot, ViewError> {
+    let orbit = default_view(cloud, frames, options.aspect()).ok_or(ViewError::Empty)?;
+    Ok(shot_from(cloud, &orbit, options))
 }
 
-/// Draws a mesh as [`shot`] draws a cloud, each pixel the mean of four.
-///
-/// # Errors
-/// [`ViewError::Empty`] without vertices.
-pub fn shot_mesh(mesh: &LabelledMesh, frames: &[Frame], options: &ShotOptions) -> Result<Image, ViewError> {
+/// Draws a cloud on the CPU from anywhere.
+#[must_use]
+pub fn shot_from(cloud: &LabelledCloud, orbit: &Orbit, options: &ShotOptions) -> Shot {
+    draw_cloud(cloud, &orbit.camera(options.size.0, options.size.1), &options.style)
+}
+
+/// Draws a mesh on the CPU from anywhere, each pixel the mean of four; `transparent` leaves the background out of the
+/// means.
+#[must_use]
+pub fn shot_mesh_from(mesh: &LabelledMesh, orbit: &Orbit, options: &ShotOptions, transparent: bool) -> Shot {
     let (width, height) = options.size;
-    let aspect = width as f32 / height.max(1) as f32;
-    let orbit = default_view(&mesh.vertices, frames, aspect).ok_or(ViewError::Empty)?;
-    let style = RasterStyle { coloring: options.coloring, hidden: options.hidden.clone(), ..RasterStyle::default() };
-    let fine = draw_mesh(mesh, &orbit.camera(width * 2, height * 2), &style);
-    let mean = |at: usize| {
-        let (x, y) = (at % width as usize * 2, at / width as usize * 2);
-        let four = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)]
-            .map(|(x, y)| fine.pixels[y * fine.width as usize + x].map(u32::from));
-        [0, 1, 2].map(|channel| (four.iter().map(|color| color[channel]).sum::<u32>() / 4) as u8)
-    };
-    Ok(Image { width, height, pixels: (0..width as usize * height as usize).map(mean).collect() })
+    draw_mesh(mesh, &orbit.camera(width * 2, height * 2), &options.style).halved(transparent)
 }
 
 /// The view that shows the labelled points (all points where none has a label) as the cameras saw them: along the
@@ -61,31 +91,30 @@ pub fn shot_mesh(mesh: &LabelledMesh, frames: &[Frame], options: &ShotOptions) -
 pub fn default_view(cloud: &LabelledCloud, frames: &[Frame], aspect: f32) -> Option<Orbit> {
     let labelled = || cloud.positions.iter().zip(&cloud.labels).filter(|(_, label)| label.0 != 0).map(|(x, _)| *x);
     let bounds = Bounds::of(labelled()).or_else(|| Bounds::of(cloud.positions.iter().copied()))?;
-    let poses = || frames.iter().filter_map(|frame| frame.posed_camera()).map(|(_, pose)| *pose);
-    let mean = |axis: Vec3| poses().map(|pose| pose.rotation.as_quat().conjugate() * axis).sum::<Vec3>();
-    let up = mean(Vec3::NEG_Y).try_normalize().unwrap_or(Vec3::NEG_Y);
-    let direction = mean(Vec3::Z).try_normalize().unwrap_or(Vec3::new(0.25, 0.15, 1.0));
-    let mut orbit = Orbit::framing(&bounds, direction, up);
+    let poses = frames.iter().filter_map(|frame| frame.posed_camera());
+    let mean = poses.map(|(_, pose)| pose.rotation.as_quat().conjugate() * Vec3::Z).sum::<Vec3>();
+    let direction = mean.try_normalize().unwrap_or(Vec3::new(0.25, 0.15, 1.0));
+    let mut orbit = Orbit::framing(&bounds, direction, Axes::of_cameras(frames).up);
     orbit.distance /= aspect.clamp(0.2, 1.0);
     Some(orbit)
 }
 
-/// Writes a picture as PNG, to a temporary name first.
+/// Writes a picture as PNG, to a temporary name first; `transparent` writes what is not drawn as such.
 ///
 /// # Errors
 /// [`ViewError::Write`] when the folder is missing or cannot be written.
-pub fn write_png(path: &Path, image: &Image) -> Result<(), ViewError> {
+pub fn write_png(path: &Path, shot: &Shot, transparent: bool) -> Result<(), ViewError> {
     let fail = |what: String| ViewError::Write { path: path.to_owned(), what };
     let part = path.with_extension("png.part");
-    let bytes = bytemuck::cast_slice(&image.pixels);
-    image::save_buffer_with_format(
-        &part,
-        bytes,
-        image.width,
-        image.height,
-        image::ColorType::Rgb8,
-        image::ImageFormat::Png,
-    )
-    .map_err(|error| fail(error.to_string()))?;
+    let Image { width, height, pixels } = &shot.image;
+    let with_opacity: Vec<[u8; 4]>;
+    let (bytes, kind): (&[u8], _) = if transparent {
+        with_opacity = pixels.iter().zip(&shot.opacity).map(|(&[r, g, b], &a)| [r, g, b, a]).collect();
+        (bytemuck::cast_slice(&with_opacity), image::ColorType::Rgba8)
+    } else {
+        (bytemuck::cast_slice(pixels), image::ColorType::Rgb8)
+    };
+    image::save_buffer_with_format(&part, bytes, *width, *height, kind, image::ImageFormat::Png)
+        .map_err(|error| fail(error.to_string()))?;
     std::fs::rename(&part, path).map_err(|error| fail(error.to_string()))
 }

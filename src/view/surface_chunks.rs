@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use wgpu::util::DeviceExt;
 
-use super::coloring::{Coloring, LabelColors, point_color};
+use super::paint::Paint;
 use super::pipelines::Pipelines;
 use super::points::SpreadOrder;
 use crate::scene::LabelledMesh;
@@ -52,23 +52,15 @@ impl SurfaceChunks {
     }
 
     /// Uploads a few chunks more; gives the number of triangles uploaded so far.
-    pub(super) fn upload_next(
-        &mut self,
-        device: &wgpu::Device,
-        mesh: &LabelledMesh,
-        coloring: Coloring,
-        labels: &LabelColors,
-    ) -> usize {
+    pub(super) fn upload_next(&mut self, device: &wgpu::Device, mesh: &LabelledMesh, paint: &Paint) -> usize {
         let first = self.chunks.len();
         let last = (first + AT_ONCE).min(self.triangles.div_ceil(CHUNK));
         let triangles = |place: usize| {
             let from = self.order.at(place) * CHUNK;
             from..(from + CHUNK).min(self.triangles)
         };
-        let packed: Vec<_> = (first..last)
-            .into_par_iter()
-            .map(|place| pack(mesh, triangles(place), self.edges, coloring, labels))
-            .collect();
+        let packed: Vec<_> =
+            (first..last).into_par_iter().map(|place| pack(mesh, triangles(place), self.edges, paint)).collect();
         for (place, (vertices, indices)) in (first..last).zip(packed) {
             let buffer = |label, contents, usage| {
                 device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage })
@@ -109,19 +101,13 @@ impl SurfaceChunks {
 
 /// The vertices of some triangles and, by their places, the corners of the triangles or the ends of their sides. Triangles
 /// with a hidden corner are left out.
-fn pack(
-    mesh: &LabelledMesh,
-    triangles: Range<usize>,
-    edges: bool,
-    coloring: Coloring,
-    labels: &LabelColors,
-) -> (Vec<SurfaceVertex>, Vec<u32>) {
+fn pack(mesh: &LabelledMesh, triangles: Range<usize>, edges: bool, paint: &Paint) -> (Vec<SurfaceVertex>, Vec<u32>) {
     let (mut vertices, mut indices) = (Vec::new(), Vec::new());
     let mut places: FxHashMap<u32, Option<u32>> = FxHashMap::default();
     for &triangle in &mesh.triangles[triangles] {
         let [Some(a), Some(b), Some(c)] = triangle.map(|vertex| {
             *places.entry(vertex).or_insert_with(|| {
-                let packed = packed(mesh, vertex as usize, coloring, labels)?;
+                let packed = packed(mesh, vertex as usize, paint)?;
                 vertices.push(packed);
                 Some(vertices.len() as u32 - 1)
             })
@@ -140,12 +126,12 @@ fn pack(
     (vertices, indices)
 }
 
-fn packed(mesh: &LabelledMesh, vertex: usize, coloring: Coloring, labels: &LabelColors) -> Option<SurfaceVertex> {
-    let [r, g, b] = point_color(&mesh.vertices, vertex, coloring, labels)?;
+fn packed(mesh: &LabelledMesh, vertex: usize, paint: &Paint) -> Option<SurfaceVertex> {
+    let color = paint.color(&mesh.vertices, vertex)?;
     let [x, y, z] =
         (mesh.vertices.normals[vertex].clamp_length_max(1.0) * 32767.0).to_array().map(|along| along as i16);
     let position = mesh.vertices.positions[vertex].to_array();
-    Some(SurfaceVertex { position, color: [r, g, b, 255], normal: [x, y, z, 0] })
+    Some(SurfaceVertex { position, color, normal: [x, y, z, 0] })
 }
 
 /// Sides that two triangles share are drawn once.

@@ -1,14 +1,20 @@
+use super::eye_dome::EyeDome;
 use super::pipelines::{COLOR_FORMAT, DEPTH_FORMAT};
 
 /// The textures that the 3-D view is drawn into.
 pub(super) struct Target {
     pub(super) size: (u32, u32),
-    pub(super) color: wgpu::TextureView,
+    /// The picture before eye-dome lighting; opacity 0 = nothing of the model.
+    color: wgpu::TextureView,
     depth: wgpu::TextureView,
+    /// The picture that is shown.
+    pub(super) lit: wgpu::TextureView,
+    /// What lighting reads.
+    inputs: wgpu::BindGroup,
 }
 
 impl Target {
-    pub(super) fn new(device: &wgpu::Device, size: (u32, u32)) -> Self {
+    pub(super) fn new(device: &wgpu::Device, dome: &EyeDome, size: (u32, u32)) -> Self {
         let texture = |format, usage| {
             let texture = device.create_texture(&wgpu::TextureDescriptor {
                 label: Some("scene"),
@@ -22,8 +28,25 @@ impl Target {
             });
             texture.create_view(&wgpu::TextureViewDescriptor::default())
         };
-        let color = texture(COLOR_FORMAT, wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC);
-        Self { size, color, depth: texture(DEPTH_FORMAT, wgpu::TextureUsages::empty()) }
+        let read = wgpu::TextureUsages::TEXTURE_BINDING;
+        let (color, depth) = (texture(COLOR_FORMAT, read), texture(DEPTH_FORMAT, read));
+        let inputs = dome.inputs(device, &color, &depth);
+        Self { size, color, depth, lit: texture(COLOR_FORMAT, read | wgpu::TextureUsages::COPY_SRC), inputs }
+    }
+
+    /// Lights what was drawn, into [`Self::lit`].
+    pub(super) fn light(&self, encoder: &mut wgpu::CommandEncoder, dome: &EyeDome) {
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("eye-dome lighting"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &self.lit,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store },
+            })],
+            ..Default::default()
+        });
+        dome.draw(&mut pass, &self.inputs);
     }
 
     /// Begins a pass over what was drawn before, or over `background` where one is given.
@@ -34,7 +57,7 @@ impl Target {
     ) -> wgpu::RenderPass<'e> {
         let load = background.map_or(wgpu::LoadOp::Load, |rgb| {
             let [r, g, b] = rgb.map(|channel| f64::from(channel) / 255.0);
-            wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a: 1.0 })
+            wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a: 0.0 })
         });
         let depth_load = if background.is_some() { wgpu::LoadOp::Clear(0.0) } else { wgpu::LoadOp::Load };
         encoder.begin_render_pass(&wgpu::RenderPassDescriptor {

@@ -67,7 +67,7 @@ fn click(frame: &dyn PreparedFrame, at: u32, width: u32, height: u32) -> f64 {
     let at_px = DVec2::new(share * f64::from(width), (1.0 - share) * f64::from(height));
     let prompt = Prompt { clicks: vec![Click { at_px, include: true }], boxes: Vec::new() };
     let start = Instant::now();
-    let region = frame.segment(&SegmentRequest { prompt: &prompt, previous: None, taken: None });
+    let region = frame.segment(&SegmentRequest { prompt: &prompt, previous: None, taken: None }, &Progress::default());
     let elapsed = start.elapsed();
     assert!(region.expect("the click lies in the picture").at(at_px.x as u32, at_px.y as u32));
     elapsed.as_secs_f64() * 1e3

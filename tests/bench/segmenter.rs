@@ -268,7 +268,9 @@ fn boxed(name: &str, image: &Arc<Image>, depth: Option<&Arc<DepthMap>>, truth: &
 
 fn ask(frame: &dyn PreparedFrame, prompt: &Prompt, answer: &Region) -> Region {
     let previous = (prompt.clicks.len() > 1).then_some(answer);
-    frame.segment(&SegmentRequest { prompt, previous, taken: None }).expect("a click inside the picture has an answer")
+    frame
+        .segment(&SegmentRequest { prompt, previous, taken: None }, &Progress::default())
+        .expect("a click inside the picture has an answer")
 }
 
 fn iou(a: &Region, b: &Region) -> f64 {

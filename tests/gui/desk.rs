@@ -14,9 +14,12 @@ use ostra::geometry::{Camera, Pose};
 use ostra::masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
 use ostra::scene::doubt::FrameDoubt;
 use ostra::scene::fuse::Votes;
+use ostra::scene::measure::{LengthUnit, TraitRow};
+use ostra::scene::select::Selection;
 use ostra::scene::{LabelledCloud, LabelledMesh};
 use ostra::session::{
-    Command, Engine, FrameMask, Grounding, JobView, MaskOrigin, Pictures, Project, SparseModel, Suggestion, engines,
+    Command, Engine, FrameMask, Grounding, JobView, MaskOrigin, Pictures, Project, ProposedInstances, Row, SparseModel,
+    Suggestion, engines, list_models,
 };
 
 pub const WIDTH: u32 = 64;
@@ -31,18 +34,22 @@ pub struct Desk {
     pub votes: Option<Arc<Votes>>,
     pub surface: Option<Arc<LabelledMesh>>,
     pub sparse: Option<Arc<SparseModel>>,
+    pub chosen: Option<Arc<Selection>>,
     pub inspected: Option<PathBuf>,
     pub pictures: Pictures,
     pub layers: Option<Layers>,
     pub hovered: Option<Arc<RunMask>>,
     pub jobs: Vec<JobView>,
     pub engines: Vec<Engine>,
+    pub models: Vec<Row>,
     pub undo: Option<String>,
     pub recent: Vec<PathBuf>,
     pub before: Option<Arc<RunMask>>,
     pub suggestions: Vec<Suggestion>,
+    pub proposed: Option<Arc<ProposedInstances>>,
     pub grounding: Option<Grounding>,
     pub doubts: BTreeMap<usize, FrameDoubt>,
+    pub traits: Option<Arc<Vec<TraitRow>>>,
     pub asked: Vec<Command>,
 }
 
@@ -57,18 +64,22 @@ impl Desk {
             votes: None,
             surface: None,
             sparse: None,
+            chosen: None,
             inspected: None,
             pictures: Pictures::new(|frame| Ok(Arc::new(picture(frame))), || {}),
             layers: None,
             hovered: None,
             jobs: Vec::new(),
             engines: engines(),
+            models: list_models().unwrap(),
             undo: None,
             recent: Vec::new(),
             before: None,
             suggestions: Vec::new(),
+            proposed: None,
             grounding: None,
             doubts: BTreeMap::new(),
+            traits: None,
             asked: Vec::new(),
         }
     }
@@ -88,18 +99,21 @@ impl Desk {
         let look = Look {
             growing: None,
             votes: self.votes.as_ref(),
+            proposed: self.proposed.as_ref(),
             has_surface: self.surface.is_some(),
             surface: self.surface.as_ref(),
             project: &self.project,
             root: self.root.as_deref(),
             cloud: self.cloud.as_ref(),
             sparse: self.sparse.as_ref(),
+            chosen: self.chosen.as_ref().map(Ok),
             inspected: self.inspected.as_deref(),
             pictures: Some(&self.pictures),
             layers: self.layers.as_ref(),
             hovered: self.hovered.as_ref(),
             jobs: &self.jobs,
             engines: &self.engines,
+            models: &self.models,
             undo: self.undo.as_deref(),
             redo: None,
             recent: &self.recent,
@@ -107,6 +121,8 @@ impl Desk {
             suggestions: &self.suggestions,
             grounding: self.grounding.as_ref(),
             interactions: 3,
+            traits: self.traits.as_ref(),
+            unit: LengthUnit::Metre,
             doubts: &self.doubts,
             estimate: self.project.estimate(|_| 1),
         };

@@ -3,7 +3,7 @@
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::{NodeT, Queryable};
 use ostra::app::Dialog;
-use ostra::session::Command;
+use ostra::session::{Command, Installed, ModelRequest, ModelTask};
 
 use crate::desk::{Desk, press};
 
@@ -48,10 +48,13 @@ fn export_writes_what_is_ticked() {
     assert_eq!(request.cameras, None);
 }
 
+const DIALOGS: [Dialog; 6] =
+    [Dialog::NewProject, Dialog::AddFrames, Dialog::Export, Dialog::Models, Dialog::Shortcuts, Dialog::Palette];
+
 #[test]
 fn escape_closes_a_dialog_and_asks_for_nothing() {
     let mut harness = Desk::sample().shown();
-    for dialog in [Dialog::NewProject, Dialog::AddFrames, Dialog::Export, Dialog::Shortcuts, Dialog::Palette] {
+    for dialog in DIALOGS {
         harness.state_mut().shell.view.dialog = Some(dialog);
         harness.run_steps(3);
         assert_eq!(harness.unnamed_widgets(), Vec::<String>::new(), "{dialog:?}");
@@ -59,4 +62,35 @@ fn escape_closes_a_dialog_and_asks_for_nothing() {
         assert_eq!(harness.state().shell.view.dialog, None, "{dialog:?}");
     }
     assert!(harness.state().asked.is_empty());
+}
+
+#[test]
+fn networks_are_installed_added_and_checked() {
+    let mut desk = Desk::empty();
+    for row in &mut desk.models {
+        let there = Installed { paths: vec!["/networks/xfeat.onnx".into()], bytes: 2_700_000 };
+        row.installed = (row.name == "xfeat").then_some(there);
+    }
+    desk.shell.view.dialog = Some(Dialog::Models);
+    let mut harness = desk.shown();
+    assert!(harness.query_by_label_contains("installed, 2.7 MB").is_some());
+    assert!(harness.get_by_label("Install sam-vit-b").accesskit_node().is_disabled(), "it has no address");
+    assert!(harness.query_by_label("Install xfeat").is_none(), "it is there");
+    for button in ["Install onnxruntime", "Add sam-vit-b"] {
+        harness.get_by_label(button).click();
+        harness.run_steps(3);
+    }
+    type_into(&mut harness, "Network files", "/downloads/sam");
+    harness.get_by_label("Take").click();
+    harness.run_steps(6);
+    assert!(harness.query_by_label("Take").is_none(), "the form is closed");
+    harness.get_by_label("Check xfeat").click();
+    harness.run_steps(3);
+    let asked = |name: &str, task| Command::Model(ModelRequest { name: name.into(), task });
+    let expected = [
+        asked("onnxruntime", ModelTask::Install),
+        asked("sam-vit-b", ModelTask::Add(vec!["/downloads/sam".into()])),
+        asked("xfeat", ModelTask::Check),
+    ];
+    assert_eq!(harness.state().asked, expected);
 }

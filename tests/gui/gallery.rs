@@ -20,7 +20,7 @@ use crate::support;
 
 type Scene = (&'static str, fn() -> Desk, fn(&mut Desk));
 
-const SCENES: [Scene; 13] = [
+const SCENES: [Scene; 14] = [
     ("shelf", shelf, |_| ()),
     ("shelf_labels", shelf, |desk| desk.shell.view.coloring = Coloring::Label),
     ("shelf_alone", shelf, |desk| {
@@ -38,6 +38,7 @@ const SCENES: [Scene; 13] = [
     }),
     ("new_project", Desk::sample, |desk| desk.shell.view.dialog = Some(Dialog::NewProject)),
     ("export", Desk::sample, |desk| desk.shell.view.dialog = Some(Dialog::Export)),
+    ("networks", Desk::sample, |desk| desk.shell.view.dialog = Some(Dialog::Models)),
     ("shortcuts", Desk::sample, |desk| desk.shell.view.dialog = Some(Dialog::Shortcuts)),
     ("palette", Desk::sample, |desk| desk.shell.view.dialog = Some(Dialog::Palette)),
     ("notices", Desk::sample, |desk| {

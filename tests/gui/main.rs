@@ -16,11 +16,19 @@ mod doubt;
 #[cfg(test)]
 mod gallery;
 #[cfg(test)]
+mod instances;
+#[cfg(test)]
 mod keys;
 #[cfg(test)]
 mod matches;
 #[cfg(test)]
+mod measures;
+#[cfg(test)]
 mod panels;
+#[cfg(test)]
+mod scene;
+#[cfg(test)]
+mod select;
 #[cfg(test)]
 mod story;
 #[cfg(test)]

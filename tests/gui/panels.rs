@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use egui_kittest::kittest::{NodeT, Queryable};
 use ostra::app::{Panes, Severity, Shown};
+use ostra::frames::{DepthSource, Orientation};
 use ostra::masks::{Apartness, LabelId, PxBox};
-use ostra::session::{Command, Suggestion, Surface, TrackSettings};
+use ostra::session::{Command, Reason, Suggestion, Surface, TrackSettings};
 
 use crate::desk::{Desk, labels};
 
@@ -74,7 +75,9 @@ fn suggestions_unfold_as_they_arrive_and_become_labels() {
     assert!(harness.query_by_label("Add suggestion 1").is_none());
     let (at_px, corner) = (glam::DVec2::new(50.5, 40.5), glam::DVec2::new(45.0, 35.0));
     let around_px = PxBox { min_px: corner, max_px: corner + 10.0 };
-    let one = Suggestion { frame: 5, at_px, around_px, share: 0.03, why: Apartness::Moves };
+    let ring = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)].map(|(x, y)| corner + glam::DVec2::new(x, y));
+    let (rings_px, why) = ([ring.to_vec()].into(), Reason::Apart(Apartness::Moves));
+    let one = Suggestion { frame: 5, at_px, around_px, rings_px, share: 0.03, why };
     harness.state_mut().suggestions.push(one);
     harness.run_steps(30);
     harness.get_by_label("Add suggestion 1").click();
@@ -102,6 +105,31 @@ fn engine_lists_say_what_is_installed() {
     harness.get_by_label("geometry").click();
     harness.run_steps(2);
     assert_eq!(harness.state().shell.view.track.tracker, "geometry");
+}
+
+#[test]
+fn masks_are_constrained_by_geometry_where_there_is_any() {
+    let mut harness = Desk::sample().shown();
+    let name = "Constrain by geometry";
+    assert!(harness.get_by_label(name).accesskit_node().is_disabled(), "the frames have no depth");
+    harness.get_by_label(name).hover();
+    harness.run_steps(30);
+    let tip = "Needs frames with depth and cameras: add them, or reconstruct first";
+    assert!(harness.query_by_label(tip).is_some(), "{:?}", labels(&harness));
+    let mut frames = harness.state().project.frames.to_vec();
+    frames[3].depth = Some(DepthSource::Sensor { path: "d.png".into(), unit: 0.001, orientation: Orientation(1) });
+    harness.state_mut().project.frames = Arc::new(frames);
+    harness.run_steps(2);
+    harness.get_by_label(name).click();
+    harness.run_steps(2);
+    assert!(harness.state().shell.view.track.constrain);
+    harness.get_all_by_label("Track").last().unwrap().click();
+    harness.run_steps(2);
+    assert!(matches!(&harness.state().asked[..], [Command::Track(settings)] if settings.constrain));
+    harness.state_mut().shell.view.track.tracker = "geometry".into();
+    harness.run_steps(2);
+    assert!(harness.get_by_label(name).accesskit_node().is_disabled());
+    assert!(!harness.state().shell.view.track.constrain, "'geometry' needs no such wish");
 }
 
 #[test]

@@ -7,15 +7,23 @@ mod support;
 #[cfg(test)]
 mod architecture;
 #[cfg(test)]
+mod bricks;
+#[cfg(test)]
 mod cameras;
 #[cfg(test)]
 mod carry;
 #[cfg(test)]
 mod command_line;
 #[cfg(test)]
+mod constrain;
+#[cfg(test)]
+mod correct;
+#[cfg(test)]
 mod crash;
 #[cfg(test)]
 mod doubt;
+#[cfg(test)]
+mod exports;
 #[cfg(test)]
 mod films;
 #[cfg(test)]
@@ -46,6 +54,8 @@ mod sfm_failures;
 mod sfm_learned;
 #[cfg(test)]
 mod shared;
+#[cfg(test)]
+mod shots;
 #[cfg(test)]
 mod stereo;
 #[cfg(test)]

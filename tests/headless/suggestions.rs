@@ -69,3 +69,18 @@ fn a_thing_that_moves_on_its_own_is_offered_until_a_label_explains_it() {
     ostra(&format!("prompt p --frame 0 --label box --click {x},{y} --box {corners}"), folder);
     assert_eq!(found(&ostra("suggest p", folder)), []);
 }
+
+#[test]
+fn proposals_say_what_they_need() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::create_dir(folder.join("frames")).unwrap();
+    picture(0).save(folder.join("frames/0.png")).unwrap();
+    ostra("new p --frames frames", folder);
+    let program = || Command::new(env!("CARGO_BIN_EXE_ostra"));
+    let asked = ["suggest", "p", "--frame", "0"];
+    // Nothing is installed in this folder.
+    let out = program().args(asked).current_dir(folder).env("XDG_DATA_HOME", folder).output().unwrap();
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.code() == Some(1) && said.contains("install Segment Anything"), "{said}");
+}

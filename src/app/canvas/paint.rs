@@ -32,7 +32,7 @@ pub(super) fn prompts_and_draft(
     }
     for (number, found) in (1..).zip(look.suggestions).filter(|(_, found)| found.frame == view.frame) {
         if !is_explained(look, found) {
-            suggestion_box(painter, map, number, found);
+            suggestion(painter, map, number, found);
         }
     }
     let color = view.label.map_or(Color32::WHITE, |label| color_of(look, label));
@@ -45,7 +45,6 @@ pub(super) fn prompts_and_draft(
     corners(painter, map, &view.draft.corners, pointer, color);
 }
 
-/// A box around a thing that no label explains, with its number in the list.
 /// A thing that words found, with its number.
 fn found_box(painter: &Painter, map: &CanvasMap, number: usize, thing: &FoundThing) {
     let rect = Rect::from_two_pos(map.to_screen(thing.extent.min_px), map.to_screen(thing.extent.max_px));
@@ -56,11 +55,18 @@ fn found_box(painter: &Painter, map: &CanvasMap, number: usize, thing: &FoundThi
     painter.text(at, egui::Align2::LEFT_TOP, text, egui::FontId::proportional(13.0), color);
 }
 
-fn suggestion_box(painter: &Painter, map: &CanvasMap, number: usize, found: &Suggestion) {
-    let rect = Rect::from_two_pos(map.to_screen(found.around_px.min_px), map.to_screen(found.around_px.max_px));
-    outlined_rect(painter, rect, Color32::WHITE);
+/// The border of a thing that no label explains, with its number in the list.
+fn suggestion(painter: &Painter, map: &CanvasMap, number: usize, found: &Suggestion) {
+    for ring in found.rings_px.iter() {
+        let points: Vec<Pos2> = ring.iter().map(|&corner| map.to_screen(corner)).collect();
+        for (width, color) in [(3.0, Color32::from_black_alpha(140)), (1.5, Color32::WHITE)] {
+            painter.add(Shape::closed_line(points.clone(), Line::new(width, color)));
+        }
+    }
     let font = egui::FontId::proportional(13.0);
-    painter.text(rect.left_top() + Vec2::splat(4.0), egui::Align2::LEFT_TOP, number.to_string(), font, Color32::WHITE);
+    let at = map.to_screen(found.at_px);
+    painter.text(at + Vec2::splat(1.0), egui::Align2::CENTER_CENTER, number.to_string(), font.clone(), Color32::BLACK);
+    painter.text(at, egui::Align2::CENTER_CENTER, number.to_string(), font, Color32::WHITE);
 }
 
 /// A line of text over the upper edge of the pane.

@@ -6,7 +6,7 @@ use crate::app::tips::{modal, section_heading};
 use crate::app::view_state::typed_path;
 use crate::app::{Look, ViewState};
 use crate::masks::MaskFormat;
-use crate::scene::formats::{MeshFormat, VoxelFormat};
+use crate::scene::formats::{CloudFormat, MeshFormat, VoxelFormat};
 use crate::session::{Command, ExportRequest, ResultKind};
 
 /// The export dialog as filled in so far.
@@ -25,6 +25,7 @@ pub struct ExportForm {
     per_label: bool,
     level: usize,
     mask_format: MaskFormat,
+    cloud_format: CloudFormat,
     mesh_format: MeshFormat,
     voxel_format: VoxelFormat,
     solid: bool,
@@ -47,6 +48,7 @@ impl Default for ExportForm {
             per_label: false,
             level: 0,
             mask_format: MaskFormat::default(),
+            cloud_format: CloudFormat::default(),
             mesh_format: MeshFormat::default(),
             voxel_format: VoxelFormat::default(),
             solid: false,
@@ -81,7 +83,7 @@ impl ExportForm {
         let into = typed_path(&self.into)?;
         let path = |wanted: bool, there: bool, name: &str| (wanted && there).then(|| into.join(name));
         let request = ExportRequest {
-            cloud: path(self.cloud, has.cloud, "cloud.ply"),
+            cloud: path(self.cloud, has.cloud, &self.cloud_name()),
             mesh: path(self.mesh, has.surface, &self.mesh_name()),
             voxels: path(self.voxels, has.surface, &self.voxels_name()),
             masks: path(self.masks, has.masks, "masks"),
@@ -99,6 +101,10 @@ impl ExportForm {
         let ExportRequest { cloud, mesh, voxels, masks, cameras, depths, traits, .. } = &request;
         let anything = [cloud, mesh, voxels, masks, cameras, depths, traits].iter().any(|path| path.is_some());
         anything.then_some(request)
+    }
+
+    fn cloud_name(&self) -> String {
+        format!("cloud.{}", self.cloud_format.ending())
     }
 
     fn mesh_name(&self) -> String {
@@ -141,10 +147,11 @@ pub(in crate::app) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, 
 }
 
 fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
+    let cloud = format!("{}, what its labels are in a file beside it", form.cloud_name());
     let mesh = format!("{}, each triangle in one label", form.mesh_name());
     let voxels = format!("{}, cubes that hold points", form.voxels_name());
     let rows = [
-        (&mut form.cloud, has.cloud, "Labelled cloud", "cloud.ply", "Fuse first"),
+        (&mut form.cloud, has.cloud, "Labelled cloud", cloud.as_str(), "Fuse first"),
         (&mut form.mesh, has.surface, "Mesh", mesh.as_str(), "Fuse depths first"),
         (&mut form.voxels, has.surface, "Voxels", voxels.as_str(), "Fuse depths first"),
         (&mut form.traits, has.cloud, "Traits", "traits.csv, measures of each label", "Fuse first"),
@@ -172,6 +179,10 @@ fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
         mask_format_ui(ui, "Mask format", &mut form.mask_format);
     });
     ui.horizontal(|ui| {
+        ui.label("Cloud as");
+        format_ui(ui, "Cloud format", &mut form.cloud_format, CloudFormat::ALL, CloudFormat::ending);
+    });
+    ui.horizontal(|ui| {
         ui.label("Mesh as");
         format_ui(ui, "Mesh format", &mut form.mesh_format, MeshFormat::ALL, MeshFormat::ending);
         ui.label("with");
@@ -196,7 +207,13 @@ fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
 }
 
 /// The choice of a kind of file, by its ending.
-fn format_ui<T: Copy + PartialEq>(ui: &mut Ui, name: &str, chosen: &mut T, all: [T; 3], ending: fn(T) -> &'static str) {
+fn format_ui<T: Copy + PartialEq, const N: usize>(
+    ui: &mut Ui,
+    name: &str,
+    chosen: &mut T,
+    all: [T; N],
+    ending: fn(T) -> &'static str,
+) {
     let text = ending(*chosen).to_uppercase();
     let choice = egui::ComboBox::from_id_salt(name).selected_text(text).width(70.0).show_ui(ui, |ui| {
         for format in all {
@@ -246,6 +263,8 @@ mod tests {
         (form.mask_format, form.traits) = (MaskFormat::Coco, true);
         let request = form.request(&has).unwrap();
         assert_eq!((request.mask_format.as_deref(), request.traits), (Some("coco"), Some("/out/traits.csv".into())));
+        form.cloud_format = CloudFormat::Laz;
+        assert_eq!(form.request(&has).unwrap().cloud, Some("/out/cloud.laz".into()));
         form.into.clear();
         assert!(form.request(&has).is_none());
     }

@@ -3,6 +3,7 @@
 mod export;
 mod into;
 mod mask_format;
+mod models;
 mod new_project;
 mod palette;
 mod path;
@@ -12,6 +13,7 @@ mod sheet;
 mod sources;
 
 pub use export::ExportForm;
+pub use models::ModelsForm;
 pub use new_project::NewProjectForm;
 pub use picker::PathPicker;
 pub use relocate::RelocateForm;
@@ -19,6 +21,7 @@ pub use sheet::SheetState;
 
 pub(super) use export::export_ui;
 pub(super) use into::into_ui;
+pub(super) use models::models_ui;
 pub(super) use new_project::new_project_ui;
 pub(super) use palette::palette_ui;
 pub(super) use path::path_ui;

@@ -1,3 +1,5 @@
+use std::path::PathBuf;
+
 use egui::{Key, Ui};
 
 use super::mask_format::{mask_format_name, mask_format_ui};
@@ -5,7 +7,7 @@ use super::picker::{Pick, PickTarget, path_field_ui};
 use crate::app::ViewState;
 use crate::app::tips::modal;
 use crate::app::view_state::{PathWish, typed_path};
-use crate::session::Command;
+use crate::session::{Command, ExportRequest, MeasureWish};
 
 struct Texts {
     heading: &'static str,
@@ -51,12 +53,18 @@ pub(in crate::app) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out
                 let format = mask_format_name(view.mask_format).into();
                 out.push(Command::ImportMasks { dir: path, format });
             }
+            PathWish::SaveTraits => out.push(Command::Export(traits_request(view, path))),
             PathWish::SaveRecipe => view.recipe_to = Some(path),
         }
     }
     if done || response.should_close() {
         view.dialog = None;
     }
+}
+
+fn traits_request(view: &ViewState, path: PathBuf) -> ExportRequest {
+    let MeasureWish { level, ground } = view.measures.wish;
+    ExportRequest { traits: Some(path), level, ground, unit: view.measures.unit, ..ExportRequest::default() }
 }
 
 fn texts(wish: PathWish) -> Texts {
@@ -66,6 +74,7 @@ fn texts(wish: PathWish) -> Texts {
         PathWish::ImportMasks => {
             ("Import masks", "Masks folder", "folder that holds the masks", "Import", Pick::Folder)
         }
+        PathWish::SaveTraits => ("Export measures", "Table file", "file to write (.csv)", "Save", Pick::Save),
         PathWish::SaveRecipe => ("Save history as recipe", "Recipe file", "file to write (.json)", "Save", Pick::Save),
     };
     Texts { heading, field, hint, verb, pick }

@@ -37,6 +37,8 @@ pub(in crate::app) enum PickTarget {
     MovedFrom,
     /// Folder that they are in now.
     MovedTo,
+    /// Files of a network.
+    Network,
     /// The path of a dialog with nothing but a path.
     Path(PathWish),
 }
@@ -101,6 +103,7 @@ pub(in crate::app) fn take_picked(ctx: &Context, view: &mut ViewState) {
         PickTarget::Onto => view.onto_text = text,
         PickTarget::MovedFrom => view.relocate.from = text,
         PickTarget::MovedTo => view.relocate.to = text,
+        PickTarget::Network => view.models.path = text,
         PickTarget::Path(_) => view.path_text = text,
     }
 }

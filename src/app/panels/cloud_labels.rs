@@ -7,7 +7,7 @@ use super::fuse::grouped;
 use super::labels::{eye_ui, listed};
 use crate::app::tips::section_heading;
 use crate::app::{Look, ViewState};
-use crate::masks::LabelId;
+use crate::masks::{LabelId, LabelTree};
 use crate::scene::LabelledCloud;
 
 /// Points per label, counted once for each cloud.
@@ -18,6 +18,13 @@ pub struct PointCounts {
 }
 
 impl PointCounts {
+    /// Points that carry a label or one below it.
+    pub(super) fn below(&mut self, cloud: &Arc<LabelledCloud>, tree: &LabelTree, id: LabelId) -> usize {
+        let counts = self.of(cloud);
+        let of = |id: &LabelId| counts.get(id).copied().unwrap_or(0);
+        of(&id) + tree.descendants(id).iter().map(of).sum::<usize>()
+    }
+
     fn of(&mut self, cloud: &Arc<LabelledCloud>) -> &BTreeMap<LabelId, usize> {
         if !self.cloud.as_ref().is_some_and(|counted| Arc::ptr_eq(counted, cloud)) {
             // A counter for every possible id: five million points are counted in milliseconds.

@@ -45,7 +45,7 @@ pub(super) fn run_button_ui(
 }
 
 /// How far a job is, in words.
-pub(super) fn progress_text(job: &JobView) -> String {
+pub(in crate::app) fn progress_text(job: &JobView) -> String {
     let report = &job.report;
     match (report.done * 100).checked_div(report.total) {
         Some(share) => format!("{} {share} %", report.stage),

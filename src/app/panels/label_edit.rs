@@ -3,7 +3,8 @@ use egui::{Key, TextEdit, Ui};
 use super::labels::listed;
 use crate::app::{Look, ViewState};
 use crate::masks::{Label, LabelId};
-use crate::session::Command;
+use crate::scene::instances::InstanceOptions;
+use crate::session::{Command, InstancesRequest};
 
 /// What is being typed in the label list.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -77,6 +78,11 @@ pub(super) fn label_menu_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, 
     ui.menu_button("Move under", |ui| move_ui(ui, look, out, label))
         .response
         .on_hover_text("Makes it a part of another label");
+    let find = ui.add_enabled(look.root.is_some() && look.cloud.is_some(), egui::Button::new("Find instances"));
+    let find = find.on_hover_text("Tells things of this class apart by what hangs together in 3-D");
+    if find.on_disabled_hover_text("Fuse first: instances are found in the cloud").clicked() {
+        view.instances = Some(InstancesRequest { label: label.id, options: InstanceOptions::default() });
+    }
     ui.separator();
     let has_children = look.project.labels.iter().any(|other| other.parent == Some(label.id));
     let remove = ui.add_enabled(!has_children, egui::Button::new("Remove"));

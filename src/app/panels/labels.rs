@@ -1,5 +1,7 @@
 use egui::{Color32, Response, RichText, Role, Sense, Ui, WidgetInfo};
 
+use super::fuse::grouped;
+use super::label_drag::{drag_ui, top_level_ui};
 use super::label_edit::{label_menu_ui, new_label_ui, rename_ui};
 use crate::app::tips::{icon_button, section_heading};
 use crate::app::{Look, ViewState};
@@ -22,6 +24,7 @@ pub(in crate::app) fn labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewSta
     for (number, (label, depth)) in rows.iter().enumerate() {
         label_row_ui(ui, look, view, out, label, number, *depth);
     }
+    top_level_ui(ui, look, out);
     ui.add_space(2.0);
     new_label_ui(ui, look, view, out);
 }
@@ -101,23 +104,29 @@ fn name_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Com
     let key = if number < 9 { format!("{}  ", number + 1) } else { String::new() };
     let response = selectable_row(ui, view.label == Some(label.id), &key, &label.name);
     let tip = if number < 9 {
-        format!("Chooses the label ({}); double click renames, right click for more", number + 1)
+        format!(
+            "Chooses the label ({}); double click renames, drag moves, Alt+click isolates, right click for more",
+            number + 1
+        )
     } else {
-        "Chooses the label; double click renames, right click for more".into()
+        "Chooses the label; double click renames, drag moves, Alt+click isolates, right click for more".into()
     };
     let response = response.on_hover_text(tip);
-    if response.clicked() {
+    if response.clicked() && ui.input(|i| i.modifiers.alt) {
+        view.scene.isolate(label.id);
+    } else if response.clicked() {
         view.label = Some(label.id);
     }
     if response.double_clicked() {
         view.labels.rename(label.id, &label.name);
     }
+    drag_ui(ui, look, out, &response, label);
     response.context_menu(|ui| label_menu_ui(ui, look, view, out, label));
 }
 
 /// A row of the whole width left, with a weak key before the name.
 fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> Response {
-    let (rect, response) = ui.allocate_exact_size(egui::vec2(ui.available_width(), 20.0), Sense::click());
+    let (rect, response) = ui.allocate_exact_size(egui::vec2(ui.available_width(), 20.0), Sense::click_and_drag());
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, name));
     let visuals = ui.style().interact_selectable(&response, selected);
     if selected || response.hovered() || response.has_focus() {
@@ -138,8 +147,22 @@ fn row_end_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<
     more.on_hover_text("Rename, move, remove").accessible_name(format!("More for {}", label.name));
     eye_ui(ui, view, label);
     let frames = view.presence.frames_with(label.id);
-    let text = RichText::new(frames.to_string()).weak().size(11.0);
-    ui.label(text).on_hover_text(format!("'{}' is on {frames} frames", label.name));
+    let (mut text, mut tip) = (frames.to_string(), format!("'{}' is on {frames} frames", label.name));
+    if let Some(cloud) = look.cloud {
+        let points = view.point_counts.below(cloud, &look.project.labels, label.id);
+        text = format!("{} · {text}", rounded(points));
+        tip += &format!("; it and what is below it have {} points", grouped(points));
+    }
+    ui.label(RichText::new(text).weak().size(11.0)).on_hover_text(tip);
+}
+
+/// A number of points in three digits or so.
+fn rounded(points: usize) -> String {
+    match points {
+        0..1_000 => points.to_string(),
+        1_000..1_000_000 => format!("{}k", points / 1_000),
+        _ => format!("{:.1}M", points as f64 / 1e6),
+    }
 }
 
 pub(super) fn eye_ui(ui: &mut Ui, view: &mut ViewState, label: &Label) {

@@ -1,77 +1,188 @@
-use egui::{DragValue, Ui};
+use egui::{DragValue, Key, Ui};
 use glam::Vec3;
 
 use crate::app::tips::action_button;
-use crate::app::{Action, ViewState};
+use crate::app::{Action, Look, ViewState};
+use crate::scene::measure::{Dimension, LengthUnit};
 use crate::session::{Command, ScaleEnd, ScaleRequest};
 use crate::view::Line;
 
 const COLOR: [u8; 4] = [255, 90, 90, 255];
 
-/// Two points of the 3-D view and how far they are known to be apart.
+/// What the ruler measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RulerKind {
+    /// The length of the line through all points; of two it is their distance.
+    #[default]
+    Length,
+    /// The angle at the second of three points.
+    Angle,
+}
+
+/// Points of the 3-D view, and how far the first two are known to be apart.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Ruler {
-    /// Whether clicks in the 3-D view set its ends.
+    /// Whether clicks in the 3-D view set its points.
     pub in_hand: bool,
-    /// None, one or both ends in world units.
-    pub ends: Vec<Vec3>,
+    /// What is measured.
+    pub kind: RulerKind,
+    /// In world units, in the order of the clicks.
+    pub points: Vec<Vec3>,
     /// The known length; 0 = not said yet.
     pub length: f64,
 }
 
 impl Ruler {
-    /// Sets the next end; a third begins anew.
+    /// Sets the next point; a fourth of an angle begins anew.
     pub fn click(&mut self, at: Vec3) {
-        if self.ends.len() == 2 {
-            self.ends.clear();
+        if self.kind == RulerKind::Angle && self.points.len() >= 3 {
+            self.points.clear();
         }
-        self.ends.push(at);
+        self.points.push(at);
     }
 
-    /// The distance of its ends in world units.
+    /// Takes the last point back.
+    pub fn undo_click(&mut self) {
+        self.points.pop();
+    }
+
+    /// What it measures: a length in world units or an angle in degrees, 0–180; none before there are points enough.
     #[must_use]
-    pub fn distance(&self) -> Option<f64> {
-        let [a, b] = self.ends[..] else { return None };
-        Some(f64::from(a.distance(b)))
+    pub fn value(&self) -> Option<(f64, Dimension)> {
+        match (self.kind, &self.points[..]) {
+            (RulerKind::Length, points @ [_, _, ..]) => {
+                let steps = points.windows(2).map(|pair| pair[0].as_dvec3().distance(pair[1].as_dvec3()));
+                Some((steps.sum(), Dimension::Length))
+            }
+            (RulerKind::Angle, &[a, corner, b, ..]) => {
+                let [a, b] = [a, b].map(|end| (end - corner).as_dvec3());
+                let angle = a.angle_between(b).to_degrees();
+                angle.is_finite().then_some((angle, Dimension::Angle))
+            }
+            _ => None,
+        }
     }
 
-    /// Its line, and a cross of `size` world units on each end.
+    /// Its line, and a cross of `size` world units on each point.
     #[must_use]
     pub fn lines(&self, size: f32) -> Vec<Line> {
         let line = |a: Vec3, b: Vec3| [a, b].map(|end| Line { position: end.to_array(), color: COLOR });
         let cross = |&at: &Vec3| [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| line(at - size * axis, at + size * axis));
-        let crosses = self.ends.iter().flat_map(cross).flatten();
-        let between = match self.ends[..] {
-            [a, b] => line(a, b).to_vec(),
-            _ => Vec::new(),
-        };
+        let crosses = self.points.iter().flat_map(cross).flatten();
+        let between = self.points.windows(2).flat_map(|pair| line(pair[0], pair[1]));
         crosses.chain(between).collect()
     }
 
-    /// What sets the scale; none before both ends and the length are known.
+    /// What sets the scale; none before the length of two points is known.
     #[must_use]
     pub fn command(&self) -> Option<Command> {
-        let [a, b] = self.ends[..] else { return None };
+        let (RulerKind::Length, &[a, b]) = (self.kind, &self.points[..]) else { return None };
         let ends = [a, b].map(|end| ScaleEnd::World(end.as_dvec3()));
         (self.length > 0.0 && a != b).then_some(Command::Scale(ScaleRequest { ends, length: self.length }))
+    }
+
+    fn hint(&self) -> &'static str {
+        match (self.kind, self.points.len()) {
+            (RulerKind::Length, 0) => "Click the first point",
+            (RulerKind::Length, _) => "Click the next point",
+            (RulerKind::Angle, 0) => "Click a point on one leg",
+            (RulerKind::Angle, 1) => "Click the corner",
+            (RulerKind::Angle, _) => "Click a point on the other leg",
+        }
     }
 }
 
 /// What the ruler measures, and the length it should.
-pub(super) fn ruler_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Action>) {
+pub(super) fn ruler_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     if !view.ruler.in_hand {
         return;
     }
-    let Some(distance) = view.ruler.distance() else {
-        ui.weak(if view.ruler.ends.is_empty() { "Click one end of a known length" } else { "Click the other end" });
+    kind_ui(ui, &mut view.ruler);
+    match view.ruler.value() {
+        Some((value, dimension)) => {
+            let unit = view.measures.unit.unwrap_or(look.unit);
+            ui.label(unit.text(value, dimension)).on_hover_text(tip(&view.ruler, unit));
+        }
+        None => {
+            ui.weak(view.ruler.hint());
+        }
+    }
+    undo_ui(ui, &mut view.ruler);
+    let has_cameras = look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
+    if has_cameras && view.ruler.kind == RulerKind::Length && view.ruler.points.len() == 2 {
+        scale_ui(ui, view, wishes);
+    }
+}
+
+fn kind_ui(ui: &mut Ui, ruler: &mut Ruler) {
+    let kinds = [
+        (RulerKind::Length, "Distance", "The length of the line through two or more points"),
+        (RulerKind::Angle, "Angle", "The angle at the second of three points"),
+    ];
+    for (kind, text, tip) in kinds {
+        if ui.selectable_label(ruler.kind == kind, text).on_hover_text(tip).clicked() && ruler.kind != kind {
+            (ruler.kind, ruler.points) = (kind, Vec::new());
+        }
+    }
+}
+
+fn tip(ruler: &Ruler, unit: LengthUnit) -> String {
+    let steps = ruler.points.windows(2).map(|pair| f64::from(pair[0].distance(pair[1])));
+    let steps: Vec<String> = steps.map(|step| unit.text(step, Dimension::Length)).collect();
+    format!("Through {} points of the cloud: {}", ruler.points.len(), steps.join(", "))
+}
+
+fn undo_ui(ui: &mut Ui, ruler: &mut Ruler) {
+    if ruler.points.is_empty() {
         return;
-    };
-    ui.label(format!("{distance:.4}")).on_hover_text("Distance of the two points in world units");
+    }
+    let by_key = !ui.ctx().text_edit_focused() && ui.input(|input| input.key_pressed(Key::Backspace));
+    if ui.button("Undo click").on_hover_text("Takes the last point back (Backspace or right click)").clicked() || by_key
+    {
+        ruler.undo_click();
+    }
+    if ui.button("Clear").on_hover_text("Takes all points away").clicked() {
+        ruler.points.clear();
+    }
+}
+
+fn scale_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Action>) {
     ui.label("is really");
     let length = DragValue::new(&mut view.ruler.length).range(0.0..=1e9).speed(0.01).max_decimals(6);
     ui.name_inputs("Known length", |ui| ui.add(length)).on_hover_text("In the unit that the scene shall have");
     let possible = view.ruler.command().is_some();
     if action_button(ui, &view.prefs.shortcuts, Action::SetScale, "Set scale", possible).clicked() {
         wishes.push(Action::SetScale);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_add_up_and_angles_are_at_the_second_point() {
+        let mut ruler = Ruler::default();
+        for at in [Vec3::ZERO, 3.0 * Vec3::X, 3.0 * Vec3::X + 4.0 * Vec3::Y] {
+            ruler.click(at);
+        }
+        assert_eq!(ruler.value(), Some((7.0, Dimension::Length)));
+        ruler.length = 2.0;
+        assert_eq!(ruler.command(), None, "a scale is set by two points");
+        ruler.kind = RulerKind::Angle;
+        assert_eq!(ruler.value(), Some((90.0, Dimension::Angle)));
+        ruler.kind = RulerKind::Length;
+        ruler.undo_click();
+        assert_eq!(ruler.value(), Some((3.0, Dimension::Length)));
+        assert!(ruler.command().is_some());
+        ruler.undo_click();
+        assert_eq!(ruler.value(), None);
+    }
+
+    #[test]
+    fn a_fourth_point_of_an_angle_begins_anew() {
+        let mut ruler = Ruler { kind: RulerKind::Angle, ..Ruler::default() };
+        (0..4).for_each(|k| ruler.click(Vec3::splat(k as f32)));
+        assert_eq!(ruler.points, [Vec3::splat(3.0)]);
     }
 }

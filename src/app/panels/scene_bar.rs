@@ -1,14 +1,20 @@
-use egui::{ComboBox, Rect, Slider, Ui};
+use egui::{ComboBox, Slider, Ui};
 
 use super::ruler::ruler_ui;
+use super::scene_display::{clip_ui, display_ui};
 use crate::app::tips::action_button;
 use crate::app::{Action, Look, Shown, ViewState};
+use crate::masks::LabelTree;
 use crate::view::Coloring;
 
-const COLORINGS: [(Coloring, &str, &str); 3] = [
+const COLORINGS: [(Coloring, &str, &str); 7] = [
     (Coloring::Rgb, "Colour", "Points in the colour of the pictures"),
     (Coloring::Label, "Label", "Points in the colour of their label"),
     (Coloring::Confidence, "Confidence", "How large a share of the votes each point's label won"),
+    (Coloring::Conflict, "Conflict", "How large a share of the votes went to the strongest other label"),
+    (Coloring::Views, "Views", "How many views voted on each point"),
+    (Coloring::Normals, "Normals", "Which way the surface faces: red along x, green along y, blue along z"),
+    (Coloring::Height, "Height", "How high each point lies"),
 ];
 
 const MODELS: [(Shown, &str, &str); 4] = [
@@ -31,9 +37,8 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
             choice.response.on_hover_text("What is shown of the result").accessible_name("Shown model");
             ui.add_space(8.0);
         }
-        for (coloring, text, tip) in COLORINGS {
-            ui.selectable_value(&mut view.coloring, coloring, text).on_hover_text(tip);
-        }
+        coloring_ui(ui, look, view);
+        isolated_ui(ui, look, view);
         ui.add_space(8.0);
         ui.spacing_mut().slider_width = 70.0;
         let slider = Slider::new(&mut view.prefs.point_size, 1.0..=12.0).show_value(false);
@@ -51,6 +56,8 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
             );
         }
         ui.add_space(8.0);
+        display_ui(ui, view, wishes);
+        clip_ui(ui, &mut view.scene.clip);
         let shortcuts = &view.prefs.shortcuts;
         if action_button(ui, shortcuts, Action::FrameCloud, "All", true).clicked() {
             wishes.push(Action::FrameCloud);
@@ -58,36 +65,61 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
         if has_cameras && action_button(ui, shortcuts, Action::LookThrough, "Camera view", true).clicked() {
             wishes.push(Action::LookThrough);
         }
-        if has_cameras && look.points().is_some() {
+        if look.votes.is_some() {
+            let tip = shortcuts.tip(ui.ctx(), Action::ChoosePoints);
+            if ui.selectable_label(view.scene_select.in_hand, "Select").on_hover_text(tip).clicked() {
+                wishes.push(Action::ChoosePoints);
+            }
+        }
+        if look.points().is_some() {
             ui.toggle_value(&mut view.ruler.in_hand, "Ruler")
-                .on_hover_text("Click two points to measure their distance, and to set the scale by it");
-            ruler_ui(ui, view, wishes);
+                .on_hover_text("Click points to measure distances, lines and angles, and to set the scale by a distance");
+            ruler_ui(ui, look, view, wishes);
         }
     });
 }
 
-/// What the colours of confidence mean, at the lower left of the view.
-pub(super) fn confidence_legend(ui: &Ui, rect: Rect) {
-    let bar = Rect::from_min_size(rect.left_bottom() + egui::vec2(12.0, -34.0), egui::vec2(120.0, 8.0));
-    let stops = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
-    let mut mesh = egui::Mesh::default();
-    for (index, [r, g, b]) in stops.into_iter().enumerate() {
-        let x = bar.left() + bar.width() * index as f32 / (stops.len() - 1) as f32;
-        let color = egui::Color32::from_rgb(r, g, b);
-        mesh.colored_vertex(egui::pos2(x, bar.top()), color);
-        mesh.colored_vertex(egui::pos2(x, bar.bottom()), color);
-        if index > 0 {
-            let n = index as u32 * 2;
-            mesh.add_triangle(n - 2, n - 1, n);
-            mesh.add_triangle(n - 1, n, n + 1);
+/// What colours show; of labels, at which level of their tree.
+fn coloring_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+    let text = COLORINGS.iter().find(|(coloring, ..)| *coloring == view.coloring).map_or("Colour", |(_, text, _)| text);
+    let choice = ComboBox::from_id_salt("coloring").selected_text(text).width(92.0).show_ui(ui, |ui| {
+        for (coloring, text, tip) in COLORINGS {
+            let is_known = !coloring.needs_votes() || (look.votes.is_some() && view.shown == Shown::Points);
+            ui.add_enabled_ui(is_known, |ui| {
+                let choice = ui.selectable_value(&mut view.coloring, coloring, text).on_hover_text(tip);
+                choice.on_disabled_hover_text("Known for the points of a cloud that this project voted on");
+            });
         }
+    });
+    choice.response.on_hover_text("What colours show").accessible_name("Colour by");
+    let tree = labels_of(look);
+    let deepest = tree.iter().map(|label| tree.depth(label.id)).max().unwrap_or(0);
+    if view.coloring != Coloring::Label || deepest < 2 {
+        return;
     }
-    ui.painter().add(mesh);
-    let font = egui::FontId::proportional(11.0);
-    let color = ui.visuals().text_color();
-    for (x, align, text) in
-        [(bar.left(), egui::Align2::LEFT_TOP, "0 %"), (bar.right(), egui::Align2::RIGHT_TOP, "100 %")]
-    {
-        ui.painter().text(egui::pos2(x, bar.bottom() + 3.0), align, text, font.clone(), color);
+    let name = |level: Option<usize>| level.map_or_else(|| "All levels".into(), |level| format!("Level {level}"));
+    let choice = ComboBox::from_id_salt("level").selected_text(name(view.scene.level)).width(84.0).show_ui(ui, |ui| {
+        for level in std::iter::once(None).chain((1..deepest).map(Some)) {
+            ui.selectable_value(&mut view.scene.level, level, name(level));
+        }
+    });
+    let tip = "Deeper labels take the colour of what they belong to; level 1 is the top";
+    choice.response.on_hover_text(tip).accessible_name("Level of labels");
+}
+
+/// The label that stands alone, and the way back.
+fn isolated_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+    let Some(label) = view.scene.isolated.and_then(|id| labels_of(look).get(id)) else { return };
+    let button = ui.button(format!("Only {}", label.name)).on_hover_text("Shows all labels again");
+    if button.accessible_name("Show all labels").clicked() {
+        view.scene.isolated = None;
+    }
+}
+
+/// The project's labels, or those of the PLY that is inspected.
+pub(super) fn labels_of<'a>(look: &Look<'a>) -> &'a LabelTree {
+    match look.cloud {
+        Some(cloud) if look.root.is_none() => &cloud.tree,
+        _ => &look.project.labels,
     }
 }

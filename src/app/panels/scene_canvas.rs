@@ -29,6 +29,11 @@ impl SceneCanvas {
         whole
     }
 
+    /// What the ends of the ramp stand for that colours come from.
+    pub fn range(&self) -> Option<[f32; 2]> {
+        self.view.range()
+    }
+
     /// egui's name for the view's texture, which is another one after each change of size.
     fn texture_id(&mut self, size: [u32; 2]) -> Option<TextureId> {
         let texture = self.view.texture()?;

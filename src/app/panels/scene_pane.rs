@@ -4,15 +4,18 @@ use egui::{PointerButton, Rect, Response, Role, Sense, Ui, WidgetInfo};
 use glam::{Vec2, Vec3};
 
 use super::asked::{Asked, asked_ui};
-use super::scene_bar::scene_bar_ui;
+use super::chosen::chosen_ui;
+use super::scene_bar::{labels_of, scene_bar_ui};
 use super::scene_canvas::SceneCanvas;
+use super::scene_marks::marks;
+use super::scene_select::choose_by_hand;
 use crate::app::view_state::SceneWish;
 use crate::app::{Action, Look, Shown, ViewState};
 use crate::frames::Frame;
 use crate::scene::LabelledCloud;
 use crate::view::{
-    Bounds, Coloring, Model, Orbit, Scene3d, ViewCamera, default_view, frustum_lines, link_lines, pick_frustum,
-    pick_point,
+    Appearance, Axes, Bounds, Clip, Model, Orbit, Scene3d, SceneStyle, ViewCamera, default_view, frustum_lines,
+    link_lines, pick_frustum, pick_point,
 };
 
 /// The 3-D view: where it is seen from, and the texture it is drawn into.
@@ -23,11 +26,23 @@ pub struct ScenePane {
     zoom_anchor: Option<(egui::Pos2, Vec3)>,
 }
 
+/// Radians a second that the turntable turns.
+const TURNING: f32 = 0.5;
+
 /// What the view was last framed for.
 #[derive(Default)]
 struct Framed {
     cloud: Option<Arc<LabelledCloud>>,
     radius: f32,
+    axes: Option<Axes>,
+    /// Where it lies along the axes.
+    extent: Option<Bounds>,
+}
+
+/// What of the scene is drawn and picked.
+struct Seen {
+    appearance: Appearance,
+    clip: Clip,
 }
 
 impl ScenePane {
@@ -61,9 +76,11 @@ impl ScenePane {
             );
         };
         let camera = orbit.camera(size.x.max(1.0) as u32, size.y.max(1.0) as u32);
+        self.turn(ui, &response, view);
         self.input(ui, &response, look, view, &camera);
         self.draw(ui, rect, look, view);
         asked_ui(ui, rect, look, view);
+        chosen_ui(ui, rect, &camera, look, view, wishes);
     }
 
     /// Frames the scene when another cloud or the first cameras come, or when asked to.
@@ -86,6 +103,12 @@ impl ScenePane {
         if wish == Some(SceneWish::LookThrough) {
             self.look_through(look.project.frames.get(view.frame));
         }
+        if let Some(orbit) = &mut self.orbit {
+            orbit.orthographic = view.prefs.scene.orthographic;
+            if let (Some(SceneWish::LookFrom(side)), Some(axes)) = (wish, &self.framed.axes) {
+                orbit.look_from(axes, side);
+            }
+        }
         if let (Some(SceneWish::ShowAsked), Some(orbit), Some(asked)) = (wish, &mut self.orbit, &view.asked) {
             orbit.recentre(asked.place());
         }
@@ -93,6 +116,37 @@ impl ScenePane {
 
     fn measure(&mut self, look: &Look<'_>) {
         self.framed.radius = bounds(look).map_or(1.0, |bounds| bounds.radius());
+        let axes = Axes::of_cameras(&look.project.frames);
+        self.framed.axes = Some(axes);
+        self.framed.extent = look.points().and_then(|cloud| axes.bounds(every_nth(cloud).map(|n| cloud.positions[n])));
+    }
+
+    /// Turns the view by itself until the user does anything with it.
+    fn turn(&mut self, ui: &Ui, response: &Response, view: &mut ViewState) {
+        let touched = response.is_pointer_button_down_on()
+            || (response.hovered() && ui.input(|i| i.smooth_scroll_delta() != egui::Vec2::ZERO));
+        view.scene.turning &= !touched;
+        if let (true, Some(orbit)) = (view.scene.turning, &mut self.orbit) {
+            orbit.turn(TURNING * ui.input(|i| i.stable_dt).min(0.1));
+            ui.ctx().request_repaint();
+        }
+    }
+
+    /// What of the scene is seen.
+    fn seen(&self, look: &Look<'_>, view: &ViewState) -> Seen {
+        let axes = self.framed.axes.unwrap_or_else(|| Axes::of_cameras(&look.project.frames));
+        let appearance = Appearance {
+            coloring: view.coloring,
+            level: view.scene.level,
+            hidden: view.hidden.clone(),
+            isolated: view.scene.isolated,
+            faint: view.prefs.scene.faint,
+            tree: look.shown_tree(),
+            votes: look.votes.cloned(),
+            up: axes.up,
+        };
+        let clip = self.framed.extent.map_or_else(Clip::default, |extent| view.scene.clip.clip(&axes, &extent));
+        Seen { appearance, clip }
     }
 
     fn look_through(&mut self, frame: Option<&Frame>) {
@@ -110,21 +164,33 @@ impl ScenePane {
             let at = (at - response.rect.min) * scale;
             Vec2::new(at.x, at.y)
         };
+        let seen = self.seen(look, view);
         let Some(orbit) = &mut self.orbit else { return };
-        if response.dragged_by(PointerButton::Primary) {
+        let choosing = view.scene_select.in_hand;
+        let turning = if choosing { PointerButton::Secondary } else { PointerButton::Primary };
+        if response.dragged_by(turning) {
             orbit.orbit(delta);
         } else if response.dragged_by(PointerButton::Secondary) || response.dragged_by(PointerButton::Middle) {
             orbit.pan(delta, camera.height as f32);
         }
-        if response.double_clicked() {
+        if choosing {
+            choose_by_hand(ui, response, view, camera, &seen.clip);
+        } else if response.double_clicked() {
             let at =
-                response.interact_pointer_pos().and_then(|at| point_at(look, view, camera, in_view(at), 12.0 * scale));
+                response.interact_pointer_pos().and_then(|at| point_at(look, &seen, camera, in_view(at), 12.0 * scale));
             if let Some(at) = at {
                 orbit.recentre(at);
             }
+        } else if response.secondary_clicked() && view.ruler.in_hand {
+            view.ruler.undo_click();
+        } else if response.clicked() && ui.input(|i| i.modifiers.alt) {
+            let at = response.interact_pointer_pos();
+            let point = at.and_then(|at| picked(look, &seen, camera, in_view(at), 10.0 * scale));
+            let label = point.zip(look.cloud).map(|(point, cloud)| cloud.labels[point]);
+            view.scene.isolate(view.scene.shown_as(labels_of(look), label.unwrap_or_default()));
         } else if response.clicked() && view.ruler.in_hand {
             let at = response.interact_pointer_pos();
-            let point = at.and_then(|at| point_at(look, view, camera, in_view(at), 14.0 * scale));
+            let point = at.and_then(|at| point_at(look, &seen, camera, in_view(at), 14.0 * scale));
             point.into_iter().for_each(|at| view.ruler.click(at));
         } else if response.clicked()
             && view.prefs.frusta
@@ -134,10 +200,10 @@ impl ScenePane {
             view.go_to(frame);
         } else if response.clicked() {
             let at = response.interact_pointer_pos();
-            let point = at.and_then(|at| picked(look, view, camera, in_view(at), 10.0 * scale));
+            let point = at.and_then(|at| picked(look, &seen, camera, in_view(at), 10.0 * scale));
             view.asked = point.zip(look.cloud).map(|(point, cloud)| Asked::new(cloud, look.votes, point));
         }
-        self.zoom(ui, response, look, view, camera, in_view);
+        self.zoom(ui, response, look, &seen, camera, in_view);
     }
 
     /// Wheel: zoom to what is under the pointer; looked up once while the pointer rests.
@@ -146,7 +212,7 @@ impl ScenePane {
         ui: &Ui,
         response: &Response,
         look: &Look<'_>,
-        view: &ViewState,
+        seen: &Seen,
         camera: &ViewCamera,
         in_view: impl Fn(egui::Pos2) -> Vec2,
     ) {
@@ -158,7 +224,7 @@ impl ScenePane {
         }
         let anchor = match self.zoom_anchor {
             Some((place, anchor)) if place == at => anchor,
-            _ => point_at(look, view, camera, in_view(at), 30.0)
+            _ => point_at(look, seen, camera, in_view(at), 30.0)
                 .unwrap_or_else(|| camera.unproject(in_view(at), orbit.distance)),
         };
         self.zoom_anchor = Some((at, anchor));
@@ -166,6 +232,7 @@ impl ScenePane {
     }
 
     fn draw(&mut self, ui: &Ui, rect: Rect, look: &Look<'_>, view: &ViewState) {
+        let seen = self.seen(look, view);
         let (Some(orbit), Some(canvas)) = (self.orbit, &mut self.canvas) else {
             return message(
                 ui,
@@ -187,21 +254,18 @@ impl ScenePane {
         lines.extend(view.ruler.lines(self.framed.radius * 0.012));
         lines.extend(view.asked.iter().flat_map(|asked| asked.lines(self.framed.radius * 0.012)));
         let fill = ui.visuals().extreme_bg_color;
-        let scene = Scene3d {
-            camera: orbit.camera(size.x.min(most) as u32, size.y.min(most) as u32),
-            coloring: view.coloring,
-            hidden: view.hidden.clone(),
-            tree: look.root.map(|_| look.project.labels.clone()),
+        let camera = orbit.camera(size.x.min(most) as u32, size.y.min(most) as u32);
+        let style = SceneStyle {
+            appearance: seen.appearance,
+            clip: seen.clip,
             point_px: view.prefs.point_size * scale * 0.5,
-            background: [fill.r(), fill.g(), fill.b()],
-            lines,
+            background: view.prefs.scene.background.unwrap_or([fill.r(), fill.g(), fill.b()]),
+            edl_strength: if view.prefs.scene.edl { view.prefs.scene.edl_strength } else { 0.0 },
         };
-        if !canvas.draw(ui, rect, model(look, view), &scene) {
+        if !canvas.draw(ui, rect, model(look, view), &Scene3d { camera, style, lines }) {
             ui.ctx().request_repaint();
         }
-        if view.coloring == Coloring::Confidence {
-            super::scene_bar::confidence_legend(ui, rect);
-        }
+        marks(ui, rect, view, &camera, orbit.distance, canvas.range());
     }
 }
 
@@ -214,15 +278,15 @@ fn model(look: &Look<'_>, view: &ViewState) -> Option<Model> {
     }
 }
 
-fn point_at(look: &Look<'_>, view: &ViewState, camera: &ViewCamera, at_px: Vec2, radius_px: f32) -> Option<Vec3> {
+fn point_at(look: &Look<'_>, seen: &Seen, camera: &ViewCamera, at_px: Vec2, radius_px: f32) -> Option<Vec3> {
     let cloud = look.points()?;
-    pick_point(cloud, camera, at_px, radius_px, &view.hidden).map(|index| cloud.positions[index])
+    pick_point(cloud, camera, at_px, radius_px, &seen.appearance, &seen.clip).map(|index| cloud.positions[index])
 }
 
 /// The point of the labelled cloud at a place, where that is what is shown.
-fn picked(look: &Look<'_>, view: &ViewState, camera: &ViewCamera, at_px: Vec2, radius_px: f32) -> Option<usize> {
+fn picked(look: &Look<'_>, seen: &Seen, camera: &ViewCamera, at_px: Vec2, radius_px: f32) -> Option<usize> {
     let cloud = look.cloud.filter(|_| look.growing.is_none())?;
-    pick_point(cloud, camera, at_px, radius_px, &view.hidden)
+    pick_point(cloud, camera, at_px, radius_px, &seen.appearance, &seen.clip)
 }
 
 fn bounds(look: &Look<'_>) -> Option<Bounds> {

@@ -2,6 +2,7 @@ use egui::Ui;
 
 use super::labels::add_label;
 use crate::app::canvas::id_at;
+use crate::app::menu::is_possible;
 use crate::app::tips::action_button;
 use crate::app::{Action, Look, ViewState};
 use crate::masks::LabelId;
@@ -15,13 +16,15 @@ pub(in crate::app) fn suggestions_ui(
     out: &mut Vec<Command>,
     wishes: &mut Vec<Action>,
 ) {
-    let action = Action::Suggest;
-    let possible = look.running("Suggest").is_none() && !look.project.masks.is_empty();
-    ui.horizontal(|ui| {
-        if action_button(ui, &view.prefs.shortcuts, action, "Look for objects", possible).clicked() {
-            wishes.push(action);
+    let is_running = ["Suggest", "Propose"].into_iter().any(|title| look.running(title).is_some());
+    ui.horizontal_wrapped(|ui| {
+        for (action, text) in [(Action::Suggest, "Look for objects"), (Action::Propose, "Propose things here")] {
+            let possible = !is_running && is_possible(action, look, view);
+            if action_button(ui, &view.prefs.shortcuts, action, text, possible).clicked() {
+                wishes.push(action);
+            }
         }
-        if look.running("Suggest").is_some() {
+        if is_running {
             ui.spinner();
         }
     });

@@ -1,10 +1,11 @@
-use egui::{DragValue, Ui};
+use egui::{Checkbox, DragValue, Ui};
 
 use super::jobs::{progress_text, run_button_ui};
 use super::segmenter::engine_choice_ui;
 use crate::app::menu::is_possible;
 use crate::app::tips::{action_button, field};
 use crate::app::{Action, Look, ViewState};
+use crate::frames::Frame;
 use crate::masks::Direction;
 use crate::session::{EngineKind, MaskOrigin};
 
@@ -25,8 +26,7 @@ pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
             view.track.short_side = None;
         }
     });
-    let tip = "Holds the masks against the anchors' masks carried through geometry (needs depth and cameras)";
-    ui.checkbox(&mut view.track.constrain, "Constrain by geometry").on_hover_text(tip);
+    constrain_ui(ui, look, view);
     pause_ui(ui, &mut view.track.pause_below);
     check_ui(ui, &mut view.prefs.doubt_below);
     let anchors = look.project.masks.values().filter(|mask| mask.origin == MaskOrigin::Anchor).count();
@@ -45,6 +45,23 @@ pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
             .on_hover_text("Anchors are frames you clicked, painted or accepted; trackers never overwrite them");
     });
     retrack_ui(ui, look, view, wishes);
+}
+
+/// Whether the masks are held against geometry, where it can say anything that the tracker does not go by already.
+fn constrain_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+    let hindrance = if view.track.tracker == "geometry" {
+        Some("'geometry' goes by depth and cameras anyway")
+    } else if look.project.frames.iter().any(Frame::has_posed_depth) {
+        None
+    } else {
+        Some("Needs frames with depth and cameras: add them, or reconstruct first")
+    };
+    view.track.constrain &= hindrance.is_none();
+    let tip = "Holds the masks against the anchors' masks carried through depth and cameras: where they contradict, \
+               geometry counts, and an object that was swapped, drifted or was lost is tracked anew from there";
+    let checkbox = Checkbox::new(&mut view.track.constrain, "Constrain by geometry");
+    let response = ui.add_enabled(hindrance.is_none(), checkbox).on_hover_text(tip);
+    response.on_disabled_hover_text(hindrance.unwrap_or_default());
 }
 
 /// Whether, and at which confidence, tracking ends by itself and asks.

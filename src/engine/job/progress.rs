@@ -21,6 +21,8 @@ pub struct ProgressReport {
 #[derive(Debug, Clone, Default)]
 pub struct Progress {
     shared: Arc<Shared>,
+    /// Those of the works that this one is a part of.
+    wholes: Vec<Arc<Shared>>,
 }
 
 #[derive(Debug, Default)]
@@ -30,6 +32,14 @@ struct Shared {
 }
 
 impl Progress {
+    /// A handle for a part of this work: a stop of the whole stops the part, a stop of the part leaves the whole going;
+    /// what the part reports is not the whole's.
+    #[must_use]
+    pub fn part(&self) -> Self {
+        let wholes = self.wholes.iter().chain([&self.shared]).map(Arc::clone).collect();
+        Self { shared: Arc::default(), wholes }
+    }
+
     /// Starts a new stage with nothing done.
     ///
     /// # Errors
@@ -59,7 +69,8 @@ impl Progress {
     /// # Errors
     /// [`Stopped`] when a stop was asked for.
     pub fn check(&self) -> Result<(), Stopped> {
-        if self.shared.stop.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
+        let is_stopped = |shared: &Arc<Shared>| shared.stop.load(Ordering::Relaxed);
+        if is_stopped(&self.shared) || self.wholes.iter().any(is_stopped) { Err(Stopped) } else { Ok(()) }
     }
 
     /// Asks the work to stop at its next step.
@@ -75,5 +86,22 @@ impl Progress {
 
     fn lock(&self) -> std::sync::MutexGuard<'_, ProgressReport> {
         self.shared.report.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_stops_alone_or_with_the_whole() {
+        let whole = Progress::default();
+        let (first, second) = (whole.part(), whole.part());
+        first.stop();
+        assert_eq!((first.check(), second.step(1, 2), whole.check()), (Err(Stopped), Ok(()), Ok(())));
+        assert_eq!(whole.report(), ProgressReport::default());
+        let inner = second.part();
+        whole.stop();
+        assert_eq!((second.check(), inner.check()), (Err(Stopped), Err(Stopped)));
     }
 }

@@ -106,6 +106,12 @@ impl Entry {
         self.files.iter().map(|file| file.name.clone()).collect()
     }
 
+    /// Whether all of its files can be fetched.
+    #[must_use]
+    pub fn has_address(&self) -> bool {
+        self.files.iter().all(|file| file.url.is_some())
+    }
+
     /// The error for files that cannot be fetched.
     pub(super) fn without_address(&self) -> NnError {
         let Self { name, source, .. } = self;

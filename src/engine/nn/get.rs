@@ -1,6 +1,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use super::catalogue::{Catalogue, Entry, NetworkFile};
 use super::digest::sha256;
@@ -8,6 +8,7 @@ use super::error::NnError;
 use super::fetch::fetch;
 use super::install::{Added, add};
 use super::search::library_name;
+use super::watched::watched;
 
 /// How much of a file is there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,13 +81,13 @@ fn library(downloads: &Path, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Resul
     let package = format!("onnxruntime=={VERSION}");
     let unpacked = downloads.join("onnxruntime");
     for python in ["python3", "python"] {
-        if !told(Fetched { what: &format!("{package} by {python} -m pip"), bytes: 0, of: None }) {
-            break;
-        }
+        let what = format!("{package} by {python} -m pip");
+        let mut goes_on = || told(Fetched { what: &what, bytes: 0, of: None });
         let pip = ["-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--only-binary", ":all:"];
         let mut asked = Command::new(python);
         asked.args(pip).args(["--no-deps", "--dest"]).arg(downloads).arg(&package);
-        if succeeds(&mut asked) && succeeds(&mut unzip(python, downloads, &unpacked)) {
+        let is_there = goes_on() && succeeds(&mut asked, &mut goes_on)?;
+        if is_there && succeeds(&mut unzip(python, downloads, &unpacked), &mut goes_on)? {
             return found(&unpacked);
         }
     }
@@ -95,7 +96,8 @@ fn library(downloads: &Path, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Resul
     let into = downloads.join(&archive);
     fetch(&url, &into, &mut |bytes| told(Fetched { what: &archive, bytes, of: None }))?;
     fs::create_dir_all(&unpacked).map_err(|source| NnError::Io { path: unpacked.clone(), source })?;
-    if !succeeds(Command::new("tar").arg("-xf").arg(&into).arg("-C").arg(&unpacked)) {
+    let mut goes_on = || told(Fetched { what: &archive, bytes: 0, of: None });
+    if !succeeds(Command::new("tar").arg("-xf").arg(&into).arg("-C").arg(&unpacked), &mut goes_on)? {
         return Err(NnError::Request(format!("{}: `tar` cannot unpack it; unpack it by hand", into.display())));
     }
     found(&unpacked)
@@ -109,13 +111,18 @@ fn unzip(python: &str, downloads: &Path, unpacked: &Path) -> Command {
     command
 }
 
-fn succeeds(command: &mut Command) -> bool {
-    command
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .status()
-        .is_ok_and(|status| status.success())
+/// Whether a program of the system does its work.
+///
+/// # Errors
+/// When it is stopped.
+fn succeeds(command: &mut Command, goes_on: &mut dyn FnMut() -> bool) -> Result<bool, NnError> {
+    let ended = match watched(command, goes_on) {
+        Ok(ended) => ended,
+        Err(_) => return Ok(false),
+    };
+    let program = command.get_program().to_string_lossy().into_owned();
+    let stopped = NnError::Fetch { url: program, what: "stopped".to_owned(), is_stopped: true };
+    ended.map(|ended| ended.is_well()).ok_or(stopped)
 }
 
 /// The archive of the release for this system.
@@ -155,4 +162,34 @@ fn found(unpacked: &Path) -> Result<PathBuf, NnError> {
         }
     }
     Err(NnError::Request(format!("{}: holds no {name}", unpacked.display())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_library_is_found_wherever_a_package_holds_it() {
+        let scratch = tempfile::tempdir().unwrap();
+        let inner = scratch.path().join("onnxruntime/capi");
+        fs::create_dir_all(&inner).unwrap();
+        let error = found(scratch.path()).unwrap_err().to_string();
+        assert!(error.contains(&library_name()), "{error}");
+        let stem = library_name().trim_end_matches(std::env::consts::DLL_SUFFIX).to_owned();
+        let suffix = std::env::consts::DLL_SUFFIX;
+        fs::write(inner.join(format!("{stem}_providers_shared{suffix}")), "").unwrap();
+        assert!(found(scratch.path()).is_err(), "another library beside it is not it");
+        let library = inner.join(format!("{stem}{suffix}.1.31.1"));
+        fs::write(&library, "").unwrap();
+        assert_eq!(found(scratch.path()).unwrap(), library);
+    }
+
+    #[test]
+    fn the_release_is_named_as_its_makers_do() {
+        let name = release();
+        assert!(name.starts_with("onnxruntime-") && name.contains(VERSION), "{name}");
+        if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+            assert_eq!(name, format!("onnxruntime-linux-x64-{VERSION}.tgz"));
+        }
+    }
 }

@@ -33,7 +33,8 @@ pub enum Proof {
 }
 
 /// Copies the files of a network (or the library of ONNX Runtime) into `folder` after checking them: by loading, or
-/// by their digest where there is no ONNX Runtime. Nothing is placed before all are checked and copied.
+/// by their digest where there is no ONNX Runtime. Nothing is placed before all are checked and copied. A folder in the
+/// files' place stands for the files of the catalogue's names in it.
 ///
 /// # Errors
 /// When the name is unknown, files are missing or too many, one does not load or has another interface, or cannot be
@@ -41,6 +42,12 @@ pub enum Proof {
 pub fn add(catalogue: &Catalogue, folder: &Path, name: &str, files: &[PathBuf]) -> Result<Vec<Added>, NnError> {
     let entry = catalogue.entry(name)?;
     let names = entry.file_names();
+    let in_folder = |folder: &PathBuf| names.iter().map(|name| folder.join(name)).collect::<Vec<_>>();
+    let within = match files {
+        [folder] if folder.is_dir() => Some(in_folder(folder)),
+        _ => None,
+    };
+    let files = within.as_deref().unwrap_or(files);
     if names.len() != files.len() {
         let wanted = names.join(", ");
         return Err(NnError::Request(format!("`{name}` takes {} in this order: {wanted}", count(names.len()))));

@@ -17,6 +17,12 @@ pub struct Row {
     pub purpose: String,
     /// Licence of the weights.
     pub licence: String,
+    /// Where it can be had.
+    pub source: String,
+    /// Names of its files, in the order in which they are given.
+    pub files: Vec<String>,
+    /// Whether [`super::install`] knows an address of every file.
+    pub has_address: bool,
     /// Its files, where all of them are there.
     pub installed: Option<Installed>,
 }
@@ -59,6 +65,9 @@ pub fn list(catalogue: &Catalogue, folder: &Path) -> Vec<Row> {
         name: entry.name.clone(),
         purpose: entry.purpose.clone(),
         licence: entry.licence.clone(),
+        source: entry.source.clone(),
+        files: entry.file_names(),
+        has_address: entry.has_address(),
         installed: entry.installed(folder),
     };
     catalogue.entries().iter().map(row).collect()

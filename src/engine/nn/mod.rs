@@ -10,11 +10,13 @@ mod get;
 mod install;
 mod installed;
 mod network;
+mod provider;
 mod records;
 mod runtime;
 mod search;
 mod signature;
 mod tensor;
+mod watched;
 
 #[cfg(test)]
 mod tests;
@@ -25,6 +27,7 @@ pub use get::{Fetched, install};
 pub use install::{Added, Proof, add};
 pub use installed::{CheckedFile, Installed, Row, check, list, load, load_text};
 pub use network::Network;
+pub use provider::{Provider, take_fall_backs};
 pub use runtime::Runtime;
 pub use search::models_folder;
 pub use signature::{Element, Port, Signature};

@@ -8,6 +8,7 @@ use ort::session::{RunOptions, Session, SessionInputValue};
 use ort::value::{DynValue, Outlet, TensorElementType, TensorRef};
 
 use super::error::NnError;
+use super::provider::{Provider, note_fall_back};
 use super::runtime::Runtime;
 use super::signature::{Element, Port, Signature};
 use super::tensor::{Tensor, TensorValues};
@@ -21,14 +22,28 @@ pub struct Network {
 }
 
 impl Network {
-    /// Loads a network and holds it against what it is `expected` to take and give; not compared without that.
+    /// Loads a network and holds it against what it is `expected` to take and give; not compared without that. It runs
+    /// on the [`Provider`] that is chosen now; where that does not start, on the processor, which is noted.
     ///
     /// # Errors
     /// [`NnError::Io`], [`NnError::NotANetwork`], [`NnError::Mismatch`].
     pub fn load(runtime: &Runtime, path: &Path, expected: Option<&Signature>) -> Result<Self, NnError> {
         std::fs::File::open(path).map_err(|source| NnError::Io { path: path.to_owned(), source })?;
         let broken = |error: ort::Error| NnError::NotANetwork { path: path.to_owned(), what: one_line(&error) };
-        let session = session(runtime, path).map_err(broken)?;
+        let provider = Provider::chosen();
+        let session = session(runtime, path, provider).or_else(|error| {
+            if provider == Provider::Cpu {
+                return Err(error);
+            }
+            let session = session(runtime, path, Provider::Cpu)?;
+            let (path, provider) = (path.display(), provider.name());
+            note_fall_back(format!(
+                "{path}: runs on the processor, as '{provider}' does not start ({})",
+                one_line(&error)
+            ));
+            Ok(session)
+        });
+        let session = session.map_err(broken)?;
         let there = Signature { inputs: ports(session.inputs()), outputs: ports(session.outputs()) };
         if let Some(expected) = expected {
             expected.fits(&there).map_err(|what| NnError::Mismatch { path: path.to_owned(), what })?;
@@ -114,12 +129,13 @@ fn terminate_unless(options: &RunOptions, is_wanted: &(dyn Fn() -> bool + Sync),
 }
 
 /// Cores are left to others while the network waits: spinning threads would take them from whoever prepares the input.
-fn session(runtime: &Runtime, path: &Path) -> ort::Result<Session> {
+fn session(runtime: &Runtime, path: &Path, provider: Provider) -> ort::Result<Session> {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     Session::builder(runtime.environment())?
         .with_intra_threads(threads)?
         .with_intra_op_spinning(false)?
         .with_deterministic_compute(true)?
+        .with_execution_providers(provider.registered())?
         .commit_from_file(path)
 }
 

@@ -1,11 +1,14 @@
-//! Films through the system's ffmpeg: when their pictures are, and decoding them on demand, forwards without restart.
+//! Films through the system's ffmpeg: when their pictures are, decoding them on demand, forwards without restart, and
+//! making them.
 //!
 //! May use: the nouns of frames. Must not touch: how frames are named or cached.
 
 mod decoder;
+mod encoder;
 mod films;
 mod probe;
 mod programs;
 
+pub use encoder::{FilmOptions, write_film};
 pub(super) use films::Films;
 pub(super) use probe::{Probed, probe};

@@ -2,6 +2,7 @@ use super::appearance::Palette;
 use super::graph::RegionGraph;
 use super::query::Query;
 use super::raster::Raster;
+use crate::engine::job::Progress;
 use crate::masks::{Click, MaskError, PreparedFrame, PxBox, Region, SegmentRequest};
 
 /// A frame with everything worked out that no prompt is needed for.
@@ -12,7 +13,7 @@ pub(super) struct Prepared {
 }
 
 impl PreparedFrame for Prepared {
-    fn segment(&self, request: &SegmentRequest<'_>) -> Result<Region, MaskError> {
+    fn segment(&self, request: &SegmentRequest<'_>, _progress: &Progress) -> Result<Region, MaskError> {
         self.check(request)?;
         let SegmentRequest { prompt, previous, taken } = *request;
         // With an answer to refine only the last click is new.

@@ -37,7 +37,7 @@ fn click(x: f64, y: f64, include: bool) -> Click {
 }
 
 fn ask(frame: &dyn PreparedFrame, prompt: &Prompt, taken: Option<&Region>) -> Region {
-    frame.segment(&SegmentRequest { prompt, previous: None, taken }).unwrap()
+    frame.segment(&SegmentRequest { prompt, previous: None, taken }, &Progress::default()).unwrap()
 }
 
 fn of_clicks(clicks: &[Click]) -> Prompt {
@@ -109,7 +109,7 @@ fn a_far_click_leaves_the_previous_answer_as_it_is() {
     });
     let prompt = of_clicks(&[click(90.0, 60.0, true), click(20.0, 20.0, true)]);
     let request = SegmentRequest { prompt: &prompt, previous: Some(&previous), taken: None };
-    let answer = frame.segment(&request).unwrap();
+    let answer = frame.segment(&request, &Progress::default()).unwrap();
     let kept = (0..WIDTH * HEIGHT).filter(|at| at % WIDTH > 50 && in_disc(at % WIDTH, at / WIDTH));
     let changed = kept.filter(|&at| answer.inside[at as usize] != previous.inside[at as usize]).count();
     assert!(changed < 200, "{changed} pixels of the first object changed");
@@ -138,7 +138,10 @@ fn the_smallest_pictures_have_answers() {
 fn what_cannot_be_answered_is_said_so() {
     let frame = prepared(&disc_picture(), None);
     let fails = |prompt: &Prompt, previous: Option<&Region>| {
-        matches!(frame.segment(&SegmentRequest { prompt, previous, taken: None }), Err(MaskError::Request(_)))
+        matches!(
+            frame.segment(&SegmentRequest { prompt, previous, taken: None }, &Progress::default()),
+            Err(MaskError::Request(_))
+        )
     };
     let outside = PxBox { min_px: DVec2::new(200.0, 0.0), max_px: DVec2::new(210.0, 9.0) };
     assert!(fails(&Prompt::default(), None));
@@ -183,8 +186,11 @@ fn hold_and_repeat(places: &[(f64, f64, bool)]) {
     for count in 1..=clicks.len() {
         let prompt = of_clicks(&clicks[..count]);
         let request = SegmentRequest { prompt: &prompt, previous: answer.as_ref(), taken: None };
-        let found = frame.segment(&request).unwrap();
-        assert!(found == frame.segment(&request).unwrap(), "the answer of {count} clicks repeats");
+        let found = frame.segment(&request, &Progress::default()).unwrap();
+        assert!(
+            found == frame.segment(&request, &Progress::default()).unwrap(),
+            "the answer of {count} clicks repeats"
+        );
         for click in &clicks[..count] {
             let at = click.at_px;
             assert_eq!(found.at(at.x as u32, at.y as u32), click.include, "{at} after {count} clicks");

@@ -13,7 +13,6 @@ mod dis;
 mod evidence;
 mod gap;
 mod locate;
-mod merge;
 mod motion;
 mod object;
 mod options;

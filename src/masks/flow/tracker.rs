@@ -1,13 +1,12 @@
 use std::sync::Arc;
 
 use super::gap::{Gap, gaps};
-use super::merge::merged;
 use super::options::FlowOptions;
 use super::picture::{Picture, enlarged_mask, reduced_mask, working_size};
 use super::pictures::{Pictures, Route};
-use super::walk::{Change, Walk, WalkedFrame};
+use super::walk::{Change, Walk};
 use crate::engine::job::{Progress, Stopped};
-use crate::masks::{LabelId, LabelMask, MaskError, RunMask, TrackRequest, TrackedFrame, Tracker};
+use crate::masks::{LabelId, LabelMask, MaskError, RunMask, TrackRequest, TrackedFrame, Tracker, WalkedFrame, merged};
 
 /// Carries masks through films and photos without depth or weights.
 #[derive(Debug, Clone, Copy, Default)]

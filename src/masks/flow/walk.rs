@@ -1,4 +1,3 @@
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::Vec2;
@@ -12,7 +11,7 @@ use super::options::FlowOptions;
 use super::picture::Picture;
 use super::plane::{Flow, Plane};
 use crate::engine::job::{Progress, Stopped};
-use crate::masks::{LabelId, LabelMask, Region};
+use crate::masks::{LabelId, LabelMask, Region, WalkedFrame};
 
 /// Pixels whose motion is looked at to find the background's.
 const MOST_STEPS: usize = 1500;
@@ -77,14 +76,6 @@ impl Change {
             self.background_noise = median(steps.iter().map(miss));
         }
     }
-}
-
-/// What a walk says of a frame.
-pub(super) struct WalkedFrame {
-    /// At the working size.
-    pub mask: LabelMask,
-    /// Of every object, also of those that the mask does not show: how sure the walk is, 0–1.
-    pub confidence: BTreeMap<LabelId, f32>,
 }
 
 /// Objects carried from an anchor, frame after frame.

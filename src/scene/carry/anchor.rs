@@ -28,6 +28,12 @@ impl Anchor {
         }
         Self { view: Viewpoint { depth: Arc::new(filled), ..own }, labels: labels_of(&mask), mask, trust }
     }
+
+    /// Whether its showing `seen` somewhere says anything of `label` there. An anchor without the label speaks against it
+    /// only where it shows another one: nobody may have looked for the label there.
+    pub fn bears_on(&self, label: LabelId, seen: LabelId) -> bool {
+        seen != LabelId::NONE || label == LabelId::NONE || self.labels.binary_search(&label).is_ok()
+    }
 }
 
 /// The labels in a mask, in order, without 0.

@@ -38,9 +38,14 @@ fn look_up(
         let moved = passage.transform(point);
         let Some(px) = passage.pixel(moved) else { continue };
         let (x, y) = (px.x as usize, px.y as usize);
-        let Some((hit, agreement)) = surface_at(&anchor.view, x, y, moved.z, tolerance) else { continue };
-        let nearness = (point.z / moved.z).min(1.0);
-        sightings.set(at, anchor.mask.ids[hit], agreement * nearness * anchor.trust[hit]);
+        match surface_at(&anchor.view, x, y, moved.z, tolerance) {
+            Found::Surface(hit, agreement) => {
+                let nearness = (point.z / moved.z).min(1.0);
+                sightings.set(at, anchor.mask.ids[hit], agreement * nearness * anchor.trust[hit]);
+            }
+            Found::Behind => sightings.set_through(at),
+            Found::Nothing => {}
+        }
     }
     Ok(())
 }
@@ -65,24 +70,40 @@ fn draw_in_holes(
     Ok(())
 }
 
-/// The pixel in or beside (`x`, `y`) whose surface lies at depth `z`, and how well it agrees, 0–1. Looking at the neighbours
-/// too makes slanted surfaces count, and outlines, where depth and picture are a pixel apart.
-fn surface_at(view: &Viewpoint, x: usize, y: usize, z: f32, tolerance: &Tolerance) -> Option<(usize, f32)> {
+/// What a view has at the place of another one's surface.
+enum Found {
+    /// The pixel that shows it, and how well its depth agrees, 0–1.
+    Surface(usize, f32),
+    /// Only what lies farther away: the place is empty.
+    Behind,
+    /// Something before it, or no depth.
+    Nothing,
+}
+
+/// The pixel in or beside (`x`, `y`) whose surface lies at depth `z`. Looking at the neighbours too makes slanted surfaces
+/// count, and outlines, where depth and picture are a pixel apart.
+fn surface_at(view: &Viewpoint, x: usize, y: usize, z: f32, tolerance: &Tolerance) -> Found {
     let (width, height) = (view.width(), view.height());
     let limit = tolerance.at(z);
     let depth = &view.depth.depths;
     let off = |at: usize| if depth[at] > 0.0 { (depth[at] - z).abs() } else { f32::INFINITY };
     let here = y * width + x;
     let (mut best, mut least, mut share) = (here, off(here), 1.0);
+    let mut is_behind = true;
     if least > limit {
-        for row in y.saturating_sub(1)..(y + 2).min(height) {
-            for at in row * width + x.saturating_sub(1)..row * width + (x + 2).min(width) {
-                if off(at) < least {
-                    (best, least, share) = (at, off(at), 0.5);
-                }
+        let columns = x.saturating_sub(1)..(x + 2).min(width);
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        for at in rows.flat_map(|row| columns.clone().map(move |column| row * width + column)) {
+            is_behind &= depth[at] > z + limit;
+            if off(at) < least {
+                (best, least, share) = (at, off(at), 0.5);
             }
         }
     }
     let ratio = least / limit;
-    (ratio <= 1.0).then_some((best, share * (1.0 - 0.75 * ratio * ratio)))
+    match (ratio <= 1.0, is_behind) {
+        (true, _) => Found::Surface(best, share * (1.0 - 0.75 * ratio * ratio)),
+        (false, true) => Found::Behind,
+        (false, false) => Found::Nothing,
+    }
 }

@@ -16,14 +16,19 @@ mod refine;
 mod run;
 mod sightings;
 mod smooth;
+mod testimony;
 mod tolerance;
 mod tracker;
 mod viewpoint;
 mod views;
 mod vote;
+mod witnesses;
 
 pub use options::CarryOptions;
+pub(super) use testimony::Testimony;
 pub use tracker::GeometryTracker;
+pub(super) use views::Views;
+pub(super) use witnesses::Witnesses;
 
 #[cfg(test)]
 mod tests;

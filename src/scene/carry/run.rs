@@ -2,30 +2,20 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use super::anchor::labels_of;
-use super::choose::anchors_for;
-use super::decide::decide;
-use super::lookup::ask;
 use super::options::CarryOptions;
-use super::ready::{GivenAnchor, ReadyAnchors};
-use super::tolerance::Tolerance;
-use super::viewpoint::Stand;
 use super::views::Views;
-use super::vote::Votes;
+use super::witnesses::Witnesses;
 use crate::engine::job::Progress;
-use crate::masks::{Direction, LabelId, MaskError, TrackRequest, TrackedFrame};
+use crate::masks::{MaskError, TrackRequest, TrackedFrame};
 
 /// Names listed in a message.
 const NAMED: usize = 4;
 
 /// One run of the tracker over a request.
 pub struct Run<'a> {
-    options: &'a CarryOptions,
     request: &'a TrackRequest,
-    views: &'a Views<'a>,
     progress: &'a Progress,
-    anchors: Vec<GivenAnchor<'a>>,
-    ready: ReadyAnchors<'a>,
+    witnesses: Witnesses<'a>,
     /// Frames to carry to.
     targets: Vec<usize>,
     /// Anchors and frames without depth or camera.
@@ -42,19 +32,12 @@ impl<'a> Run<'a> {
         progress: &'a Progress,
     ) -> Result<Self, MaskError> {
         request.check()?;
-        let mut left_out = Vec::new();
-        let mut anchors = Vec::new();
-        for (&frame, mask) in &request.anchors {
-            match views.stand(frame) {
-                Some(stand) => anchors.push(GivenAnchor { frame, stand, labels: labels_of(mask), mask }),
-                None => left_out.push(frame),
-            }
-        }
-        check_anchors(&anchors)?;
-        let reached = |&frame: &usize| anchors.iter().any(|a| reaches(request.direction, a.frame, frame));
+        let mut witnesses = Witnesses::new(options, request, views);
+        check_anchors(&witnesses)?;
         let others = (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
         let (targets, without): (Vec<usize>, Vec<usize>) =
-            others.filter(reached).partition(|&frame| views.stand(frame).is_some());
+            others.filter(|&frame| witnesses.reach(frame)).partition(|&frame| witnesses.can_tell_of(frame));
+        let mut left_out = std::mem::take(&mut witnesses.left_out);
         left_out.extend(without);
         if targets.is_empty() {
             return Err(MaskError::Request(format!(
@@ -62,9 +45,8 @@ impl<'a> Run<'a> {
                 request.from, request.to
             )));
         }
-        let ready = ReadyAnchors::new(views, options);
         let done = AtomicUsize::new(0);
-        Ok(Self { options, request, views, progress, anchors, ready, targets, left_out, done })
+        Ok(Self { request, progress, witnesses, targets, left_out, done })
     }
 
     /// Carries to all targets, handing them on in order; what was finished is handed on even if a later one fails.
@@ -99,37 +81,16 @@ impl<'a> Run<'a> {
     }
 
     fn carry_to(&self, frame: usize) -> Result<TrackedFrame, MaskError> {
-        let target = self.views.load(frame)?;
-        let image = self.views.image(frame)?;
-        let mut votes = Votes { width: target.width(), height: target.height(), of_anchors: Vec::new() };
-        let mut depths = target.depth.depths.clone();
-        let allowed = |a: &&GivenAnchor<'_>| reaches(self.request.direction, a.frame, frame);
-        let allowed: Vec<&GivenAnchor<'_>> = self.anchors.iter().filter(allowed).collect();
-        let stands: Vec<(Stand, &[LabelId])> = allowed.iter().map(|a| (a.stand, a.labels.as_slice())).collect();
-        for place in anchors_for(&target, &stands, self.options.anchors) {
-            let anchor = self.ready.get(allowed[place], self.progress)?;
-            let tolerance = Tolerance::measured(&target, &anchor.view, self.options);
-            let sightings = ask(&anchor, &target, &tolerance, &mut depths, self.options, self.progress)?;
-            votes.of_anchors.push((anchor, sightings));
-        }
-        let (mask, confidence) = decide(&votes, (&target, &depths), &image, self.options, self.progress)?;
+        let told = self.witnesses.tell_of(frame, self.progress)?;
+        let (mask, confidence) = self.witnesses.carry_to(frame, &told, self.progress)?;
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         self.progress.step(done, self.targets.len())?;
         Ok(TrackedFrame { frame, mask, confidence, preliminary: false })
     }
 }
 
-/// Whether masks may go from an anchor to a frame.
-fn reaches(direction: Direction, anchor: usize, frame: usize) -> bool {
-    match direction {
-        Direction::Both => true,
-        Direction::Forward => anchor < frame,
-        Direction::Backward => anchor > frame,
-    }
-}
-
-fn check_anchors(anchors: &[GivenAnchor<'_>]) -> Result<(), MaskError> {
-    if anchors.iter().all(|anchor| anchor.labels.is_empty()) {
+fn check_anchors(witnesses: &Witnesses<'_>) -> Result<(), MaskError> {
+    if witnesses.are_mute() {
         return Err(MaskError::Request(
             "the geometry tracker needs depth and a camera on a frame with a mask; \
              give them (--depth, --cameras) or choose another tracker"

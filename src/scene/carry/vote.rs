@@ -28,17 +28,26 @@ impl Votes {
         boxes
     }
 
+    /// The weights for `shown` being at a pixel, and all, by those that bear on `label` there.
+    pub fn at(&self, pixel: usize, label: LabelId, shown: LabelId) -> [f32; 2] {
+        let mut sums = [0.0; 2];
+        for (anchor, sightings) in &self.of_anchors {
+            if let Some((seen, by)) = sightings.at(pixel).filter(|&(seen, _)| anchor.bears_on(label, seen)) {
+                sums[0] += if seen == shown { by } else { 0.0 };
+                sums[1] += by;
+            }
+        }
+        sums
+    }
+
     /// For each pixel of a box the weights for `label` less those against it, and their sum.
     pub fn of(&self, label: LabelId, within: PixelBox) -> Vec<[f32; 2]> {
         let mut votes = vec![[0.0; 2]; within.width() * within.height()];
         for (anchor, sightings) in &self.of_anchors {
-            let knows = anchor.labels.binary_search(&label).is_ok();
             for (y, row) in (within.top..within.bottom).zip(votes.chunks_exact_mut(within.width())) {
                 for (x, [balance, weight]) in (within.left..within.right).zip(row) {
                     let Some((seen, by)) = sightings.at(y * self.width + x) else { continue };
-                    // An anchor without the label speaks against it only where it shows another one: nobody may have
-                    // looked for the label there.
-                    if seen == label || knows || seen != LabelId::NONE {
+                    if anchor.bears_on(label, seen) {
                         *balance += if seen == label { by } else { -by };
                         *weight += by;
                     }

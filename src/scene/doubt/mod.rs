@@ -3,10 +3,14 @@
 //! May use: scene::fuse, scene::points, masks, frames, geometry, engine::job. Must not touch: Project, UI, files.
 
 mod disagreement;
+mod lifted;
 mod sighted;
 #[cfg(test)]
 mod tests;
 mod voted_mask;
 
 pub use disagreement::{FrameDoubt, frame_doubt};
+pub(super) use lifted::Lifted;
+pub(super) use sighted::{Sighted, mask_has_near};
 pub use voted_mask::voted_mask;
+pub(super) use voted_mask::{FILL_PX, REACH};

@@ -2,10 +2,10 @@ use crate::masks::{LabelId, LabelMask};
 use crate::scene::fuse::Votes;
 
 /// The labels of the points that a frame sees, in the pixels that see them; `None` where no point is seen.
-pub(super) struct Sighted {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) labels: Vec<Option<LabelId>>,
+pub(in crate::scene) struct Sighted {
+    pub width: u32,
+    pub height: u32,
+    pub labels: Vec<Option<LabelId>>,
 }
 
 impl Sighted {
@@ -21,7 +21,7 @@ impl Sighted {
     }
 
     /// Whether a pixel at most `radius` columns and rows away sees this label.
-    pub(super) fn has_near(&self, at: usize, radius: u32, label: LabelId) -> bool {
+    pub fn has_near(&self, at: usize, radius: u32, label: LabelId) -> bool {
         near(at, radius, (self.width, self.height)).any(|at| self.labels[at] == Some(label))
     }
 
@@ -41,7 +41,7 @@ impl Sighted {
 }
 
 /// Whether a pixel of a mask at most `radius` columns and rows away has this label.
-pub(super) fn mask_has_near(mask: &LabelMask, at: usize, radius: u32, label: LabelId) -> bool {
+pub(in crate::scene) fn mask_has_near(mask: &LabelMask, at: usize, radius: u32, label: LabelId) -> bool {
     near(at, radius, (mask.width, mask.height)).any(|at| mask.ids[at] == label)
 }
 

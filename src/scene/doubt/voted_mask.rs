@@ -1,17 +1,17 @@
-use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
+use super::lifted::Lifted;
 use super::sighted::Sighted;
 use crate::frames::{DepthMap, Frame};
 use crate::masks::{LabelId, LabelMask};
 use crate::scene::fuse::Votes;
-use crate::scene::points::{Neighbours, spacing};
+use crate::scene::points::Neighbours;
 use crate::scene::{LabelledCloud, SceneError};
 
 /// How far from a pixel that sees a point others take its label, where a frame has no depth.
-const FILL_PX: u32 = 2;
+pub(in crate::scene) const FILL_PX: u32 = 2;
 /// How far a pixel's place may lie from the point whose label it takes, in spacings of the cloud.
-const REACH: f64 = 2.0;
+pub(in crate::scene) const REACH: f64 = 2.0;
 
 /// The mask of a frame as the vote of all frames has it. Where the frame has depth, each pixel takes the label of the point
 /// that lies at its place; elsewhere, that of the nearest pixel which sees one. Pixels that see nothing keep what `mask` has.
@@ -49,19 +49,11 @@ fn by_sight(sighted: &Sighted) -> Vec<Option<LabelId>> {
 }
 
 fn by_depth(cloud: &LabelledCloud, frame: &Frame, depth: &DepthMap) -> Option<Vec<Option<LabelId>>> {
-    let (camera, pose) = frame.posed_camera()?;
-    let world_from_camera = pose.inverse();
+    let lifted = Lifted::new(frame, depth)?;
     let points = Neighbours::new(&cloud.positions)?;
-    let reach = (REACH * spacing(&cloud.positions)?) as f32;
+    let reach = (REACH * points.spacing(&cloud.positions)?) as f32;
     let label = |at: usize| {
-        let known = depth.depths[at];
-        if known <= 0.0 {
-            return None;
-        }
-        let (x, y) = (at as u32 % depth.width, at as u32 / depth.width);
-        let ray = camera.unproject(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).extend(1.0);
-        let place: Vec3 = world_from_camera.transform(ray * f64::from(known)).as_vec3();
-        let (nearest, distance) = points.nearest(place);
+        let (nearest, distance) = points.nearest(lifted.place(at)?);
         (distance <= reach).then(|| cloud.labels[nearest])
     };
     Some((0..depth.depths.len()).into_par_iter().map(label).collect())

@@ -1,13 +1,19 @@
-//! Files of labelled meshes and voxels for other programs, told apart by their ending: PLY, OBJ and GLB; PLY, NPZ and VOX.
+//! Files of labelled clouds, meshes and voxels for other programs, told apart by their ending: PLY, LAS, LAZ and PCD; PLY,
+//! OBJ and GLB; PLY, NPZ and VOX.
 //!
-//! May use: masks, engine::job, scene::ply. Must not touch: frames, UI.
+//! May use: masks, engine::job, scene::ply, las. Must not touch: frames, UI.
 
+mod classes;
+mod cloud_format;
 mod glb;
+mod las;
 mod mesh_format;
 mod names;
 mod npy;
 mod npz;
 mod obj;
+mod patient;
+mod pcd;
 mod places;
 #[cfg(test)]
 mod tests;
@@ -15,5 +21,6 @@ mod vox;
 mod voxel_format;
 mod zip;
 
+pub use cloud_format::CloudFormat;
 pub use mesh_format::MeshFormat;
 pub use voxel_format::VoxelFormat;

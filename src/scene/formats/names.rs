@@ -6,7 +6,11 @@ use crate::scene::ply::{file_part, label_name};
 use crate::scene::{SceneError, UNLABELLED_COLOR};
 
 /// What the ending of a file stands for.
-pub(super) fn by_ending<T: Copy>(path: &Path, known: [(T, &str); 3], what: &str) -> Result<T, SceneError> {
+pub(super) fn by_ending<T: Copy, const N: usize>(
+    path: &Path,
+    known: [(T, &str); N],
+    what: &str,
+) -> Result<T, SceneError> {
     let ending = path.extension().unwrap_or_default();
     let found = known.iter().find(|(_, name)| ending.eq_ignore_ascii_case(name));
     found.map(|(format, _)| *format).ok_or_else(|| {

@@ -82,6 +82,12 @@ impl Votes {
         if total == 0 { 0.0 } else { f32::from(second) / total as f32 }
     }
 
+    /// How many views voted on a point, for a label or for none.
+    #[must_use]
+    pub fn voted(&self, point: usize) -> u32 {
+        self.histogram(point).iter().map(|&(_, votes)| u32::from(votes)).sum()
+    }
+
     /// Whether it is known who voted; not kept beyond a budget of memory.
     #[must_use]
     pub fn has_voters(&self) -> bool {

@@ -1,10 +1,10 @@
 use glam::DVec3;
-use nalgebra::{Matrix3, SymmetricEigen};
 
-use super::hull::hull_volume;
+use super::extent::extent_traits;
 use super::medial::MedialCurve;
 use super::section::{Section, sections};
-use super::table::Dimension::{self, Area, Length, Volume};
+use super::table::Trait;
+use super::unit::Dimension::Length;
 use crate::engine::job::{Progress, Stopped};
 
 /// One instance of a label: points that hang together.
@@ -19,16 +19,41 @@ pub(super) struct Body {
 /// What kind of thing a body is, as most of its cross-sections say.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Shape {
-    /// Long and round: the median diameter.
-    Rod { diameter: f64 },
-    /// A long sheet: mean width, and the width that 95 % of the sections stay below.
-    Ribbon { width: f64, width_max: f64 },
+    /// Long and round.
+    Rod(Breadths),
+    /// A long sheet.
+    Ribbon(Breadths),
     /// Anything else.
     Lump,
 }
 
-/// A trait without its label: name, value, definition.
-pub(super) type Trait = (&'static str, (f64, Dimension), &'static str);
+/// How broad the cross-sections of a body are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Breadths {
+    pub(super) median: f64,
+    pub(super) mean: f64,
+    /// What 95 % of the sections stay below.
+    pub(super) most: f64,
+}
+
+impl Breadths {
+    /// Of at least one section, in rising order.
+    fn of(sorted: &[f64]) -> Self {
+        let count = sorted.len();
+        let at = |share: usize| sorted[(count * share / 100).min(count - 1)];
+        Self { median: at(50), mean: sorted.iter().sum::<f64>() / count as f64, most: at(95) }
+    }
+
+    /// Of a body joined from two, by their lengths.
+    pub(super) fn joined(self, own_length: f64, other: Self, other_length: f64) -> Self {
+        let mixed = |a: f64, b: f64| (own_length * a + other_length * b) / (own_length + other_length);
+        Self {
+            median: mixed(self.median, other.median),
+            mean: mixed(self.mean, other.mean),
+            most: self.most.max(other.most),
+        }
+    }
+}
 
 impl Body {
     /// `spacing`: median distance of the points to their nearest neighbours; `reach`: of steps between neighbouring points.
@@ -44,58 +69,32 @@ impl Body {
     }
 
     pub(super) fn diameter(&self) -> Option<f64> {
-        if let Shape::Rod { diameter } = self.shape { Some(diameter) } else { None }
+        if let Shape::Rod(breadths) = self.shape { Some(breadths.median) } else { None }
     }
 
-    /// The traits that need no other body.
-    pub(super) fn traits(&self) -> Vec<Trait> {
+    /// The traits that need no other body; `spacing`: of the points.
+    pub(super) fn traits(&self, spacing: f64) -> Vec<Trait> {
+        let found = |name, value, definition| Trait::new(name, (value, Length), definition, self.points.len());
         let mut traits = Vec::new();
         if let Some(curve) = &self.curve {
             let definition = "length of the middle line from end to end, across hidden parts";
-            traits.push(("length", (curve.length(), Length), definition));
+            traits.push(found("length", curve.length(), definition));
         }
         match self.shape {
-            Shape::Rod { diameter } => traits.push(("diameter", (diameter, Length), "median over the cross-sections")),
-            Shape::Ribbon { width, width_max } => {
-                traits.push(("width", (width, Length), "width along the sheet, mean over the cross-sections"));
-                traits.push(("width_max", (width_max, Length), "width that 95 % of the cross-sections stay below"));
-            }
+            Shape::Rod(Breadths { median, mean, most }) => traits.extend([
+                found("diameter", median, "median over the cross-sections"),
+                found("diameter_mean", mean, "mean over the cross-sections"),
+                found("diameter_max", most, "diameter that 95 % of the cross-sections stay below"),
+            ]),
+            Shape::Ribbon(Breadths { mean, most, .. }) => traits.extend([
+                found("width", mean, "width along the sheet, mean over the cross-sections"),
+                found("width_max", most, "width that 95 % of the cross-sections stay below"),
+            ]),
             Shape::Lump => {}
         }
-        traits.extend(extent_traits(&self.points, self.area));
+        traits.extend(extent_traits(&self.points, self.area, spacing));
         traits
     }
-}
-
-/// Area, hull volume and the three sizes of a set of points.
-pub(super) fn extent_traits(points: &[DVec3], area: f64) -> Vec<Trait> {
-    let mut traits: Vec<Trait> = vec![
-        ("area", (area, Area), "area of the surface that the points cover, one side of a thin sheet"),
-        ("hull_volume", (hull_volume(points), Volume), "volume of the convex hull of the points"),
-    ];
-    for (name, size) in ["size_long", "size_middle", "size_short"].into_iter().zip(principal_sizes(points)) {
-        traits.push((name, (size, Length), "extent along a principal axis of the points, longest first"));
-    }
-    traits
-}
-
-/// Extents along the principal axes, longest first.
-fn principal_sizes(points: &[DVec3]) -> [f64; 3] {
-    let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
-    let mut scatter = Matrix3::<f64>::zeros();
-    for &x in points {
-        let d = nalgebra::Vector3::from((x - mean).to_array());
-        scatter += d * d.transpose();
-    }
-    let axes = SymmetricEigen::new(scatter).eigenvectors;
-    let mut sizes = [0, 1, 2].map(|k| {
-        let axis = DVec3::new(axes[(0, k)], axes[(1, k)], axes[(2, k)]);
-        let span =
-            points.iter().map(|&x| (x - mean).dot(axis)).fold((0.0_f64, 0.0_f64), |(l, h), v| (l.min(v), h.max(v)));
-        span.1 - span.0
-    });
-    sizes.sort_by(|a, b| b.total_cmp(a));
-    sizes
 }
 
 /// Share of the cross-sections that decide a shape.
@@ -118,12 +117,12 @@ fn shape(points: &[DVec3], curve: &MedialCurve, spacing: f64) -> Shape {
     round.sort_by(f64::total_cmp);
     sheet.sort_by(f64::total_cmp);
     let most = |count: usize| count as f64 >= MOST * sections.len() as f64 && count >= 3;
-    if most(round.len()) && length > 1.5 * round[round.len() / 2] {
-        return Shape::Rod { diameter: round[round.len() / 2] };
+    if most(round.len()) && length > 1.5 * Breadths::of(&round).median {
+        return Shape::Rod(Breadths::of(&round));
     }
-    let width = sheet.iter().sum::<f64>() / sheet.len().max(1) as f64;
-    if most(sheet.len()) && length > 1.5 * width {
-        return Shape::Ribbon { width, width_max: sheet[(sheet.len() * 95 / 100).min(sheet.len() - 1)] };
+    // By the largest width: along its diagonal, a square is twice as long as it is broad on average.
+    if most(sheet.len()) && length > 1.5 * Breadths::of(&sheet).most {
+        return Shape::Ribbon(Breadths::of(&sheet));
     }
     Shape::Lump
 }

@@ -33,7 +33,9 @@ pub(super) fn join_rods(mut bodies: Vec<Body>, longest: f64) -> Vec<Body> {
         let (near, far) = if a.rod == first { (a, b) } else { (b, a) };
         own.curve = joined(own.curve.take(), other.curve, near.start, far.start);
         let (mine, theirs) = (near.length, far.length);
-        own.shape = Shape::Rod { diameter: (mine * near.diameter + theirs * far.diameter) / (mine + theirs) };
+        if let (Shape::Rod(breadths), Shape::Rod(others)) = (own.shape, other.shape) {
+            own.shape = Shape::Rod(breadths.joined(mine, others, theirs));
+        }
         own.area += other.area;
         own.points.extend(other.points);
     }

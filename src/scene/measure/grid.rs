@@ -58,7 +58,7 @@ pub(super) fn median_spacing(points: &[DVec3]) -> f64 {
 }
 
 /// Largest extent of the middle 96 % of the coordinates; `None` when it is 0.
-fn core_extent(points: &[DVec3]) -> Option<f64> {
+pub(super) fn core_extent(points: &[DVec3]) -> Option<f64> {
     let extent_along = |axis: usize| {
         let mut values: Vec<f64> = points.iter().map(|x| x[axis]).collect();
         values.sort_by(f64::total_cmp);

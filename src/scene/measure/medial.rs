@@ -92,6 +92,11 @@ impl MedialCurve {
         self.points.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
     }
 
+    /// Arc length from the first point to the `index`-th.
+    pub(super) fn length_to(&self, index: usize) -> f64 {
+        self.points[..=index].windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+    }
+
     /// The place on the curve that is nearest to `x`.
     pub(super) fn nearest(&self, x: DVec3) -> Nearest {
         let mut best = Nearest { distance: f64::INFINITY, at: 0.0 };

@@ -5,7 +5,9 @@
 mod area;
 mod body;
 mod bridge;
+mod extent;
 mod grid;
+mod ground;
 mod hull;
 mod insertion;
 mod medial;
@@ -14,7 +16,11 @@ mod table;
 #[cfg(test)]
 mod tests;
 mod traits;
+mod unit;
+mod voxel_volume;
 
+pub use ground::GroundChoice;
 pub use hull::hull_volume;
-pub use table::{Dimension, TraitRow, traits_csv};
+pub use table::{TraitRow, traits_csv};
 pub use traits::{MeasureOptions, measure};
+pub use unit::{Dimension, LengthUnit};

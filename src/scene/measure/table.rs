@@ -1,25 +1,14 @@
+use std::borrow::Cow;
 use std::fmt::Write as _;
 
+use super::unit::{Dimension, LengthUnit};
 use crate::masks::{LabelId, LabelTree};
-
-/// What kind of number a trait is: which power of the world unit it carries.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Dimension {
-    /// A plain number.
-    Count,
-    /// In world units.
-    Length,
-    /// In square world units.
-    Area,
-    /// In cubic world units.
-    Volume,
-    /// In degrees.
-    Angle,
-}
 
 /// One measured (or true) trait of one instance of a label.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TraitRow {
+    /// Which label.
+    pub id: LabelId,
     /// Name of the label.
     pub label: String,
     /// Names from the top level down to the label, joined by ` › `.
@@ -33,7 +22,35 @@ pub struct TraitRow {
     /// Power of the world unit.
     pub dimension: Dimension,
     /// How the value is defined, one sentence.
-    pub definition: &'static str,
+    pub definition: Cow<'static, str>,
+    /// How many points the value was computed from; 0 for an exact value.
+    pub points: usize,
+}
+
+/// A trait before it is known whose it is.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Trait {
+    name: &'static str,
+    value: (f64, Dimension),
+    definition: Cow<'static, str>,
+    points: usize,
+}
+
+impl Trait {
+    pub(super) fn new(
+        name: &'static str,
+        value: (f64, Dimension),
+        definition: impl Into<Cow<'static, str>>,
+        points: usize,
+    ) -> Self {
+        Self { name, value, definition: definition.into(), points }
+    }
+
+    pub(super) fn row(self, tree: &LabelTree, id: LabelId, instance: usize) -> TraitRow {
+        let label = tree.get(id).map_or_else(String::new, |label| label.name.clone());
+        let Self { name, value: (value, dimension), definition, points } = self;
+        TraitRow { id, label, path: TraitRow::path_of(tree, id), instance, name, value, dimension, definition, points }
+    }
 }
 
 impl TraitRow {
@@ -46,27 +63,21 @@ impl TraitRow {
     }
 }
 
-/// The rows as CSV with the columns `label,path,instance,trait,value,unit,definition`; `unit` names the world unit,
-/// e.g. `m` (areas get `m^2`, volumes `m^3`, angles `deg`).
+/// The rows as CSV with the columns `label,path,instance,trait,value,unit,definition,points`, lengths in `unit` (areas
+/// in its square, e.g. `m^2`, volumes in its cube, angles in `deg`).
 #[must_use]
-pub fn traits_csv(rows: &[TraitRow], unit: &str) -> String {
-    let mut csv = String::from("label,path,instance,trait,value,unit,definition\n");
+pub fn traits_csv(rows: &[TraitRow], unit: LengthUnit) -> String {
+    let mut csv = String::from("label,path,instance,trait,value,unit,definition,points\n");
     for row in rows {
-        let unit = match row.dimension {
-            Dimension::Count => String::new(),
-            Dimension::Length => unit.to_owned(),
-            Dimension::Area => format!("{unit}^2"),
-            Dimension::Volume => format!("{unit}^3"),
-            Dimension::Angle => "deg".to_owned(),
-        };
-        let (label, path, definition) = (quoted(&row.label), quoted(&row.path), quoted(row.definition));
+        let (label, path, definition) = (quoted(&row.label), quoted(&row.path), quoted(&row.definition));
         let _ = writeln!(
             csv,
-            "{label},{path},{},{},{},{},{definition}",
+            "{label},{path},{},{},{},{},{definition},{}",
             row.instance,
             row.name,
-            significant(row.value),
-            quoted(&unit)
+            significant(unit.value(row.value, row.dimension)),
+            quoted(&unit.name(row.dimension)),
+            row.points
         );
     }
     csv
@@ -93,16 +104,19 @@ mod tests {
     #[test]
     fn csv_quotes_and_units() {
         let row = TraitRow {
+            id: LabelId(1),
             label: "a,b".into(),
             path: "top › a,b".into(),
             instance: 2,
             name: "area",
             value: 0.001_234_567_8,
             dimension: Dimension::Area,
-            definition: "say \"x\"",
+            definition: "say \"x\"".into(),
+            points: 9,
         };
-        let csv = traits_csv(&[row], "m");
-        assert_eq!(csv.lines().nth(1).unwrap(), r#""a,b","top › a,b",2,area,0.00123457,m^2,"say ""x""""#);
+        let line = |unit| traits_csv(std::slice::from_ref(&row), unit).lines().nth(1).unwrap().to_owned();
+        assert_eq!(line(LengthUnit::Metre), r#""a,b","top › a,b",2,area,0.00123457,m^2,"say ""x""",9"#);
+        assert!(line(LengthUnit::Millimetre).contains(",1234.57,mm^2,"));
     }
 
     #[test]

@@ -93,6 +93,13 @@ fn ribbon() {
 }
 
 #[test]
+fn what_is_as_broad_as_long_has_no_width() {
+    let rows = rows(&[patch((40.0, 40.0), |u, v| DVec3::new(u, v, 0.0))]);
+    assert_eq!(value(&rows, "label 1", 1, "width"), None);
+    assert_near(value(&rows, "label 1", 1, "area"), 0.0016, 0.06);
+}
+
+#[test]
 fn instances_are_counted_and_crumbs_are_not() {
     let shifted = |by: f64, count: f64| patch((8.0, count), move |u, v| DVec3::new(u + by, v, 0.0));
     let rows = rows(&[[shifted(0.0, 90.0), shifted(30.0, 50.0), shifted(60.0, 3.0)].concat()]);
@@ -110,7 +117,87 @@ fn insertion() {
     let rows = rows(&[stem, blade]);
     let angle = value(&rows, "label 2", 1, "insertion_angle").unwrap();
     assert!((angle - 35.0).abs() < 2.0, "{angle}");
+    let told = rows.iter().find(|row| row.name == "insertion_angle").unwrap();
+    assert!(told.definition.contains("(label 1)"), "{}", told.definition);
     assert_eq!(value(&rows, "label 1", 1, "insertion_angle"), None);
+}
+
+#[test]
+fn a_rod_of_two_thicknesses_has_a_mean_and_a_largest_diameter() {
+    let thin = tube(2.0, std::f64::consts::TAU, (0.0, 100.0));
+    let thick = tube(3.0, std::f64::consts::TAU, (100.0, 200.0));
+    let rows = rows(&[[thin, thick].concat()]);
+    assert_near(value(&rows, "label 1", 1, "diameter_mean"), 0.005, 0.04);
+    assert_near(value(&rows, "label 1", 1, "diameter_max"), 0.006, 0.04);
+}
+
+#[test]
+fn a_ball_has_its_volume() {
+    let count = 20_000;
+    let ball = (0..count).map(|k| {
+        let z = 1.0 - 2.0 * (f64::from(k) + 0.5) / f64::from(count);
+        let (sin, cos) = (2.399_963 * f64::from(k)).sin_cos();
+        25.0 * ((1.0 - z * z).sqrt() * DVec3::new(cos, sin, 0.0) + z * DVec3::Z)
+    });
+    let rows = rows(&[ball.collect()]);
+    let exact = 4.0 / 3.0 * std::f64::consts::PI * 0.025_f64.powi(3);
+    assert_near(value(&rows, "label 1", 0, "voxel_volume"), exact, 0.03);
+    assert_near(value(&rows, "label 1", 0, "hull_volume"), exact, 0.01);
+    assert_near(value(&rows, "label 1", 0, "area"), 4.0 * std::f64::consts::PI * 0.025_f64.powi(2), 0.03);
+    for name in ["box_x", "box_y", "box_z", "size_long", "size_short"] {
+        assert_near(value(&rows, "label 1", 0, name), 0.05, 0.01);
+    }
+}
+
+#[test]
+fn every_value_tells_from_how_many_points_it_was_made() {
+    let rows = rows(&[tube(2.5, std::f64::consts::TAU, (0.0, 150.0))]);
+    let points = value(&rows, "label 1", 0, "points").unwrap() as usize;
+    assert!(rows.iter().all(|row| (points / 4..=points).contains(&row.points)), "{rows:?}");
+}
+
+/// A plane without a label 80 mm below the ends of two rods, and a wall beside them that is larger.
+fn standing() -> LabelledCloud {
+    let rod = |x: f64, high: f64| -> Vec<DVec3> {
+        tube(2.5, std::f64::consts::TAU, (2.0, high)).into_iter().map(|at| at + x * DVec3::X).collect()
+    };
+    let table = patch((120.0, 120.0), |u, v| DVec3::new(u - 60.0, v - 60.0, 0.0));
+    let wall = patch((150.0, 150.0), |u, v| DVec3::new(u - 75.0, 200.0, v));
+    let mut cloud = cloud(&[rod(0.0, 100.0), rod(30.0, 60.0), table, wall]);
+    cloud.labels.iter_mut().filter(|label| label.0 == 4).for_each(|label| *label = LabelId::NONE);
+    cloud
+}
+
+fn measured_above(cloud: &LabelledCloud, ground: GroundChoice) -> Result<Vec<TraitRow>, SceneError> {
+    measure(cloud, &MeasureOptions { ground, ..MeasureOptions::default() }, &Progress::default())
+}
+
+#[test]
+fn heights_count_from_the_ground_that_is_fitted_chosen_or_given() {
+    let mut cloud = standing();
+    let rows = measured_above(&cloud, GroundChoice::Label(LabelId(3))).unwrap();
+    assert_near(value(&rows, "label 1", 0, "height_max"), 0.1, 0.01);
+    assert_near(value(&rows, "label 2", 1, "height_max"), 0.06, 0.01);
+    assert!(rows.iter().any(|row| row.name == "height_max" && row.definition.contains("label chosen")));
+
+    cloud.labels.iter_mut().filter(|label| label.0 == 3).for_each(|label| *label = LabelId::NONE);
+    let rows = measured_above(&cloud, GroundChoice::Fitted).unwrap();
+    assert_near(value(&rows, "label 1", 0, "height_max"), 0.1, 0.01);
+    assert!(rows.iter().any(|row| row.name == "height_max" && row.definition.contains("fitted")));
+
+    let given = GroundChoice::Plane { normal: [0.0, 0.0, 2.0], offset: 2.0 };
+    let rows = measured_above(&cloud, given).unwrap();
+    let highest = cloud.positions.iter().zip(&cloud.labels).filter(|(_, label)| label.0 == 1).map(|(x, _)| x.z);
+    assert_near(value(&rows, "label 1", 0, "height_max"), f64::from(highest.fold(f32::MIN, f32::max)) - 1.0, 0.001);
+
+    cloud.positions.truncate(cloud.labels.iter().position(|&label| label == LabelId::NONE).unwrap());
+    cloud.labels.truncate(cloud.positions.len());
+    let rows = measured_above(&cloud, GroundChoice::Fitted).unwrap();
+    assert_eq!(value(&rows, "label 1", 0, "height_max"), None, "nothing to stand on");
+    let refused = measured_above(&cloud, GroundChoice::Label(LabelId(3))).unwrap_err();
+    assert!(refused.to_string().contains("'label 3' has no points"), "{refused}");
+    let refused = measured_above(&cloud, GroundChoice::Plane { normal: [0.0; 3], offset: 1.0 }).unwrap_err();
+    assert!(refused.to_string().contains("normal"), "{refused}");
 }
 
 #[test]

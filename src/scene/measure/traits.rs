@@ -1,11 +1,14 @@
 use glam::DVec3;
 
 use super::area::surface_areas;
-use super::body::{Body, Trait, extent_traits};
+use super::body::Body;
 use super::bridge::join_rods;
+use super::extent::extent_traits;
 use super::grid::{components, median_spacing, thinned};
+use super::ground::{Ground, GroundChoice};
 use super::insertion::insertion_angle;
-use super::table::{Dimension, TraitRow};
+use super::table::{Trait, TraitRow};
+use super::unit::Dimension;
 use crate::engine::job::{Progress, Stopped};
 use crate::masks::{LabelId, LabelTree};
 use crate::scene::{LabelledCloud, SceneError};
@@ -24,11 +27,20 @@ pub struct MeasureOptions {
     pub bridge: f64,
     /// Insertion angles are taken over this length of the blade, in world units, above 0; 30 mm in a metric cloud.
     pub insertion_reach: f64,
+    /// The plane above which heights are measured.
+    pub ground: GroundChoice,
 }
 
 impl Default for MeasureOptions {
     fn default() -> Self {
-        Self { level: None, link: 3.0, min_points: 50, bridge: 1.5, insertion_reach: 0.03 }
+        Self {
+            level: None,
+            link: 3.0,
+            min_points: 50,
+            bridge: 1.5,
+            insertion_reach: 0.03,
+            ground: GroundChoice::Fitted,
+        }
     }
 }
 
@@ -41,13 +53,16 @@ struct Measured {
     count: usize,
     /// All its points, thinned.
     points: Vec<DVec3>,
+    /// Of the thinned points.
+    spacing: f64,
     area: f64,
     bodies: Vec<Body>,
 }
 
 /// Measures every label of a cloud: number of points and instances, area, hull volume and sizes of the whole
 /// (instance 0) and of each instance (1 = the one with the most points), length along the middle line, diameter of
-/// rods, width of sheets, and the angle at which a sheet leaves a rod. Rows are ordered by label id, then instance.
+/// rods, width of sheets, the angle at which a sheet leaves a rod, and heights above the ground. Rows are ordered by
+/// label id, then instance.
 ///
 /// # Errors
 /// [`SceneError::Request`] for an option out of range or a cloud without labelled points, [`SceneError::Stopped`].
@@ -73,12 +88,16 @@ pub fn measure(
             "the cloud has no labelled points to measure; fuse masks into it first".into(),
         ));
     }
+    let ground = Ground::of(cloud, &options.ground, progress)?;
     let mut rows = Vec::new();
     for (k, label) in labels.iter().enumerate() {
         progress.step(ids.len() + k, ids.len() + labels.len())?;
-        let rods = || labels.iter().filter(|other| !related(&cloud.tree, other.id, label.id)).flat_map(Measured::rods);
-        for (instance, traits) in label.traits(rods, options).into_iter().enumerate() {
-            rows.extend(traits.into_iter().map(|found| row(&cloud.tree, label.id, instance, found)));
+        for (instance, mut traits) in label.traits().into_iter().enumerate() {
+            let body = instance.checked_sub(1).map(|k| &label.bodies[k]);
+            let points = body.map_or(&label.points, |body| &body.points);
+            traits.extend(ground.iter().flat_map(|ground| ground.traits(points)));
+            traits.extend(body.and_then(|body| insertion(&cloud.tree, (label.id, body), &labels, options)));
+            rows.extend(traits.into_iter().map(|found| found.row(&cloud.tree, label.id, instance)));
         }
     }
     Ok(rows)
@@ -122,9 +141,20 @@ fn related(tree: &LabelTree, a: LabelId, b: LabelId) -> bool {
     tree.path(a).contains(&b) || tree.path(b).contains(&a)
 }
 
-fn row(tree: &LabelTree, id: LabelId, instance: usize, (name, (value, dimension), definition): Trait) -> TraitRow {
-    let label = tree.get(id).map_or_else(String::new, |label| label.name.clone());
-    TraitRow { label, path: TraitRow::path_of(tree, id), instance, name, value, dimension, definition }
+/// The angle at which a body leaves a rod of a label that is not its own.
+fn insertion(
+    tree: &LabelTree,
+    (id, body): (LabelId, &Body),
+    labels: &[Measured],
+    options: &MeasureOptions,
+) -> Option<Trait> {
+    let others = labels.iter().filter(|other| !related(tree, other.id, id));
+    let rods = others.flat_map(|label| label.rods().map(move |rod| (label.id, rod)));
+    let (angle, (of, rod)) = insertion_angle(body, rods, options.insertion_reach)?;
+    let name = tree.get(of).map_or("", |label| label.name.as_str());
+    let definition = format!("angle between the first part of the sheet and the rod that it leaves ({name}), 0 to 90");
+    let points = body.points.len() + rod.points.len();
+    Some(Trait::new("insertion_angle", (angle, Dimension::Angle), definition, points))
 }
 
 impl Measured {
@@ -147,37 +177,25 @@ impl Measured {
                 bodies.push(Body::new(surface, spacing, reach, progress)?);
             }
         }
-        Ok(Self { id, count: all.len(), points, area: areas.iter().sum(), bodies: join_rods(bodies, options.bridge) })
+        let (area, bodies) = (areas.iter().sum(), join_rods(bodies, options.bridge));
+        Ok(Self { id, count: all.len(), points, spacing, area, bodies })
     }
 
     fn rods(&self) -> impl Iterator<Item = &Body> {
         self.bodies.iter().filter(|body| body.diameter().is_some())
     }
 
-    /// Traits of the whole, then of each instance.
-    fn traits<'a, I: Iterator<Item = &'a Body>>(
-        &self,
-        rods: impl Fn() -> I,
-        options: &MeasureOptions,
-    ) -> Vec<Vec<Trait>> {
-        let mut whole: Vec<Trait> = vec![
-            ("points", (self.count as f64, Dimension::Count), "number of points with the label or one below it"),
-            (
-                "instances",
-                (self.bodies.len() as f64, Dimension::Count),
-                "number of groups of points that hang together",
-            ),
+    /// Traits of the whole, then of each instance, without those that need others.
+    fn traits(&self) -> Vec<Vec<Trait>> {
+        let count = |name, value: usize, definition, points| {
+            Trait::new(name, (value as f64, Dimension::Count), definition, points)
+        };
+        let all = self.count;
+        let mut whole = vec![
+            count("points", all, "number of points with the label or one below it", all),
+            count("instances", self.bodies.len(), "number of groups of points that hang together", self.points.len()),
         ];
-        whole.extend(extent_traits(&self.points, self.area));
-        let mut traits = vec![whole];
-        for body in &self.bodies {
-            let mut own = body.traits();
-            if let Some(angle) = insertion_angle(body, rods(), options.insertion_reach) {
-                let definition = "angle between the first part of the sheet and the rod that it leaves, 0 to 90";
-                own.push(("insertion_angle", (angle, Dimension::Angle), definition));
-            }
-            traits.push(own);
-        }
-        traits
+        whole.extend(extent_traits(&self.points, self.area, self.spacing));
+        std::iter::once(whole).chain(self.bodies.iter().map(|body| body.traits(self.spacing))).collect()
     }
 }

@@ -46,26 +46,31 @@ impl Neighbours {
         let found = self.tree.query(&to.to_array()).nearest_n::<SquaredEuclidean<f32>>(count).execute();
         found.iter().map(|one| (one.item as usize, one.distance.sqrt())).collect()
     }
+
+    /// As [`spacing`], of the points that the tree was built of.
+    #[must_use]
+    pub fn spacing(&self, points: &[Vec3]) -> Option<f64> {
+        let step = points.len().div_ceil(SPACING_SAMPLES).max(1);
+        let nearest_other = |&point: &Vec3| {
+            let around = self.nearest_n(point, 8);
+            around.into_iter().map(|(_, distance)| distance).find(|&distance| distance > 0.0 && distance < 1e17)
+        };
+        let mut distances: Vec<f32> =
+            points.iter().filter(|p| p.is_finite()).step_by(step).filter_map(nearest_other).collect();
+        if distances.is_empty() {
+            return None;
+        }
+        let middle = distances.len() / 2;
+        let (_, median, _) = distances.select_nth_unstable_by(middle, f32::total_cmp);
+        Some(f64::from(*median))
+    }
 }
 
 /// How far apart neighbours typically are: the median distance of a point to the nearest at another place; `None` for
 /// fewer than two places.
 #[must_use]
 pub fn spacing(points: &[Vec3]) -> Option<f64> {
-    let neighbours = Neighbours::new(points)?;
-    let step = points.len().div_ceil(SPACING_SAMPLES).max(1);
-    let nearest_other = |&point: &Vec3| {
-        let around = neighbours.nearest_n(point, 8);
-        around.into_iter().map(|(_, distance)| distance).find(|&distance| distance > 0.0 && distance < 1e17)
-    };
-    let mut distances: Vec<f32> =
-        points.iter().filter(|p| p.is_finite()).step_by(step).filter_map(nearest_other).collect();
-    if distances.is_empty() {
-        return None;
-    }
-    let middle = distances.len() / 2;
-    let (_, median, _) = distances.select_nth_unstable_by(middle, f32::total_cmp);
-    Some(f64::from(*median))
+    Neighbours::new(points)?.spacing(points)
 }
 
 #[cfg(test)]

@@ -1,123 +1,97 @@
-use glam::{DQuat, DVec3, Vec2, Vec3};
+use glam::{DQuat, DVec3, IVec3, Vec3};
 
-use super::bitmap::Bitmap;
 use super::dice::Dice;
 use super::material::Material;
 use super::mesh::Mesh;
-use super::noise::fractal_noise;
 use super::part::Assembly;
 use super::posters::add_surroundings;
+use super::toy::{PITCH_M, Toy, record_volume};
 use crate::masks::LabelId;
-use crate::scene::measure::{Dimension, hull_volume};
 
-/// Half lengths of a brick, metres.
-const BRICK_HALF_M: DVec3 = DVec3::new(0.055, 0.0275, 0.019);
-const JOINT_M: f64 = 0.004;
-const COURSES: usize = 4;
+const WHEEL_RADIUS_M: f64 = 0.022;
+const WHEEL_HALF_WIDTH_M: f64 = 0.008;
+/// Between the car's side and its wheels.
+const AXLE_GAP_M: f64 = 0.001;
+/// Height of the car's lowest bricks above the table.
+const CLEARANCE_M: f64 = 0.014;
 
-/// A low wall of bricks with a vase, a ball and a box around it, before the same posters as the tiller.
+/// Studs of the car: across, along, of which bonnet and boot take so many at either end.
+const CAR_STUDS: (i32, i32) = (4, 10);
+const BONNET_STUDS: i32 = 3;
+
+/// A car and a figure of tightly stacked bricks on a table, four wheels on the car and two lying apart, before the same
+/// posters as the tiller. The car looks at the cameras, so that all its wheels are seen by some.
 pub(super) fn build_bricks(seed: u64) -> Assembly {
     let mut dice = Dice::new(seed, 11);
     let mut assembly = Assembly::default();
-    let whole = assembly.label("still life", None);
-    let classes = ["brick", "vase", "ball", "box"].map(|name| assembly.label(name, Some(whole)));
-    add_courses(&mut assembly, classes[0], &mut dice);
-    add_vase(&mut assembly, classes[1], &mut dice);
-    add_ball(&mut assembly, classes[2], &mut dice);
-    add_box(&mut assembly, classes[3], &mut dice);
+    let whole = assembly.label("toys", None);
+    let [car, wheel, figure] = ["car", "wheel", "figure"].map(|name| assembly.label(name, Some(whole)));
+    add_car(&mut assembly, (car, wheel), &mut dice);
+    add_loose_wheels(&mut assembly, wheel, &mut dice);
+    add_figure(&mut assembly, figure, &mut dice);
     add_surroundings(&mut assembly, 0.0, &mut Dice::new(seed, 4));
     assembly
 }
 
-/// Bricks in stretcher bond, each a little askew.
-fn add_courses(assembly: &mut Assembly, class: LabelId, dice: &mut Dice) {
-    let pitch = 2.0 * BRICK_HALF_M.x + JOINT_M;
-    let mut count = 0;
-    for course in 0..COURSES {
-        let bricks = if course.is_multiple_of(2) { 3 } else { 2 };
-        for k in 0..bricks {
-            count += 1;
-            let id = assembly.label(&format!("brick {count}"), Some(class));
-            let x = pitch * (f64::from(k) - 0.5 * (f64::from(bricks) - 1.0)) + dice.range(-0.001, 0.001);
-            let z = BRICK_HALF_M.z + course as f64 * 2.0 * BRICK_HALF_M.z;
-            let turn = DQuat::from_rotation_z(dice.range(-0.05, 0.05));
-            let centre = DVec3::new(x, 0.03 + dice.range(-0.003, 0.003), z);
-            let mesh = cuboid(centre, turn, BRICK_HALF_M);
-            add_traits(assembly, id, &mesh, Some(BRICK_HALF_M));
-            assembly.add(id, Material::Brick, dice.texture_seed(), mesh);
-        }
+/// Chassis, bonnet, cabin and boot, and a wheel at each corner.
+fn add_car(assembly: &mut Assembly, (class, wheel): (LabelId, LabelId), dice: &mut Dice) {
+    let turn = DQuat::from_rotation_z(dice.range(-0.12, 0.12));
+    let place = DVec3::new(-0.045 + dice.range(-0.006, 0.006), dice.range(-0.01, 0.01), CLEARANCE_M);
+    let (across, along) = CAR_STUDS;
+    let mut toy = Toy::new(place, turn, (across, along));
+    let instance = assembly.label("car 1", Some(class));
+    let cabin_end = along - BONNET_STUDS;
+    for (name, color, low, high) in [
+        ("chassis", [0.78, 0.10, 0.09], [0, 0, 0], [across, along, 1]),
+        ("bonnet", [0.92, 0.72, 0.10], [0, 0, 1], [across, BONNET_STUDS, 2]),
+        ("cabin", [0.16, 0.36, 0.76], [0, BONNET_STUDS, 1], [across, cabin_end, 4]),
+        ("boot", [0.30, 0.64, 0.22], [0, cabin_end, 1], [across, along, 2]),
+    ] {
+        let id = assembly.label(&format!("car 1 {name}"), Some(instance));
+        toy.stack(id, Vec3::from(color), IVec3::from(low), IVec3::from(high));
+    }
+    toy.build(assembly, dice);
+    let side = 0.5 * f64::from(across) * PITCH_M + AXLE_GAP_M + WHEEL_HALF_WIDTH_M;
+    let axle = (0.5 * f64::from(along) - 1.75) * PITCH_M;
+    let corners = [(-side, -axle), (side, -axle), (-side, axle), (side, axle)];
+    for (k, (x, y)) in corners.into_iter().enumerate() {
+        let above_table = WHEEL_RADIUS_M - CLEARANCE_M;
+        let centre = place + turn * DVec3::new(x, y, above_table);
+        add_wheel(assembly, (wheel, k + 1), centre, turn * DVec3::X, dice);
     }
 }
 
-fn add_vase(assembly: &mut Assembly, id: LabelId, dice: &mut Dice) {
-    let (height, belly, neck) = (dice.range(0.13, 0.16), dice.range(0.034, 0.042), dice.range(0.013, 0.018));
-    let outline = |t: f64| {
-        let bulge = (std::f64::consts::PI * (0.12 + 0.80 * t.powf(0.8))).sin();
-        neck + (belly - neck) * bulge.powi(2) + 0.008 * ((t - 0.9) / 0.1).max(0.0)
-    };
-    let mut profile: Vec<(f64, f64)> = vec![(0.0, 0.0)];
-    profile.extend((0..=32).map(|k| f64::from(k) / 32.0).map(|t| (outline(t), t * height)));
-    profile.extend((0..=8).map(|k| 1.0 - f64::from(k) / 16.0).map(|t| (outline(t) - 0.002, t * height)));
-    profile.push((0.0, 0.5 * height));
-    let place = DVec3::new(-0.13 + dice.range(-0.02, 0.02), -0.06 + dice.range(-0.02, 0.02), 0.0);
-    let mesh = Mesh::lathe(place, &profile, 56);
-    let ground = Vec3::new(dice.range(0.1, 0.3) as f32, dice.range(0.3, 0.5) as f32, dice.range(0.5, 0.75) as f32);
-    add_traits(assembly, id, &mesh, None);
-    assembly.add(id, Material::Glaze { ground }, dice.texture_seed(), mesh);
-}
-
-fn add_ball(assembly: &mut Assembly, id: LabelId, dice: &mut Dice) {
-    let radius = dice.range(0.028, 0.034);
-    let centre = DVec3::new(0.10 + dice.range(-0.03, 0.03), -0.08 + dice.range(-0.02, 0.02), radius);
-    let (rows, columns) = (36, 56);
-    let mesh = Mesh::patch((rows, columns), true, |r, c| {
-        let latitude = std::f64::consts::PI * (r as f64 / rows as f64 - 0.5);
-        let angle = std::f64::consts::TAU * c as f64 / columns as f64;
-        let x = DVec3::new(latitude.cos() * angle.cos(), latitude.cos() * angle.sin(), latitude.sin());
-        (centre + radius * x, Vec2::new((angle * radius) as f32, (latitude * radius) as f32))
-    });
-    let ground = Vec3::new(dice.range(0.7, 0.85) as f32, dice.range(0.2, 0.5) as f32, dice.range(0.1, 0.25) as f32);
-    add_traits(assembly, id, &mesh, Some(DVec3::splat(radius)));
-    assembly.add(id, Material::Glaze { ground }, dice.texture_seed(), mesh);
-}
-
-/// A printed box on top of the bricks.
-fn add_box(assembly: &mut Assembly, id: LabelId, dice: &mut Dice) {
-    let half = DVec3::new(dice.range(0.032, 0.042), dice.range(0.018, 0.025), dice.range(0.040, 0.052));
-    let top = COURSES as f64 * 2.0 * BRICK_HALF_M.z;
-    let turn = DQuat::from_rotation_z(dice.range(-0.5, 0.5));
-    let mesh = cuboid(DVec3::new(dice.range(-0.04, 0.04), 0.03, top + half.z), turn, half);
-    let (seed, hue) = (dice.texture_seed(), dice.range(0.0, 0.4) as f32);
-    let card = Bitmap::painted(2.0 * Vec2::new(half.x as f32, half.z as f32), |at| {
-        let stripe = ((at.x + at.y) / 13.0).fract() < 0.5;
-        let ink = if stripe { Vec3::new(0.85, 0.80 - hue, 0.30) } else { Vec3::new(0.25, 0.28, 0.55 + hue) };
-        ink * (1.0 + 0.25 * fractal_noise(at / 4.0, 4, seed))
-    });
-    add_traits(assembly, id, &mesh, Some(half));
-    assembly.add(id, Material::Picture { bitmap: assembly.bitmaps.len() }, seed, mesh);
-    assembly.bitmaps.push(card);
-}
-
-/// A box with six flat faces.
-fn cuboid(centre: DVec3, turn: DQuat, half: DVec3) -> Mesh {
-    let axes = [turn * DVec3::X * half.x, turn * DVec3::Y * half.y, turn * DVec3::Z * half.z];
-    let mut mesh = Mesh::default();
-    for k in 0..3 {
-        let (out, u, v) = (axes[k], axes[(k + 1) % 3], axes[(k + 2) % 3]);
-        mesh.append(Mesh::quad(centre + out - u - v, 2.0 * u, 2.0 * v));
-        mesh.append(Mesh::quad(centre - out - u - v, 2.0 * v, 2.0 * u));
+/// Two wheels lying flat in front of the toys.
+fn add_loose_wheels(assembly: &mut Assembly, class: LabelId, dice: &mut Dice) {
+    for (k, x, y) in [(5, -0.145, -0.075), (6, 0.060, -0.115)] {
+        let jitter = DVec3::new(dice.range(-0.006, 0.006), dice.range(-0.006, 0.006), 0.0);
+        let centre = DVec3::new(x, y, WHEEL_HALF_WIDTH_M) + jitter;
+        add_wheel(assembly, (class, k), centre, DVec3::Z, dice);
     }
-    mesh
 }
 
-/// Hull volume, and the three sizes where the half axes are known.
-fn add_traits(assembly: &mut Assembly, id: LabelId, mesh: &Mesh, half: Option<DVec3>) {
-    let volume = (hull_volume(&mesh.positions), Dimension::Volume);
-    assembly.record(id, "hull_volume", volume, "volume of the convex hull of the whole surface");
-    let mut sizes = half.map_or([0.0; 3], |half| (2.0 * half).to_array());
-    sizes.sort_by(|a, b| b.total_cmp(a));
-    for (name, size) in ["size_long", "size_middle", "size_short"].into_iter().zip(sizes).filter(|_| half.is_some()) {
-        let definition = "extent along one of the body's own axes, longest first";
-        assembly.record(id, name, (size, Dimension::Length), definition);
+fn add_wheel(assembly: &mut Assembly, (class, number): (LabelId, usize), centre: DVec3, axis: DVec3, dice: &mut Dice) {
+    let id = assembly.label(&format!("wheel {number}"), Some(class));
+    let mesh = Mesh::cylinder(centre, axis, WHEEL_RADIUS_M, WHEEL_HALF_WIDTH_M, 48);
+    record_volume(assembly, id, std::slice::from_ref(&mesh));
+    assembly.add(id, Material::Rubber, dice.texture_seed(), mesh);
+}
+
+/// Legs, torso, arms at its sides and a head.
+fn add_figure(assembly: &mut Assembly, class: LabelId, dice: &mut Dice) {
+    let turn = DQuat::from_rotation_z(dice.range(-0.15, 0.15));
+    let place = DVec3::new(0.115 + dice.range(-0.006, 0.006), 0.045 + dice.range(-0.01, 0.01), 0.0);
+    let mut toy = Toy::new(place, turn, (4, 2));
+    let instance = assembly.label("figure 1", Some(class));
+    for (name, color, low, high) in [
+        ("legs", [0.14, 0.24, 0.62], [1, 0, 0], [3, 2, 3]),
+        ("torso", [0.86, 0.36, 0.07], [1, 0, 3], [3, 2, 6]),
+        ("right arm", [0.12, 0.52, 0.50], [0, 0, 3], [1, 2, 6]),
+        ("left arm", [0.62, 0.16, 0.50], [3, 0, 3], [4, 2, 6]),
+        ("head", [0.94, 0.78, 0.24], [1, 0, 6], [3, 2, 8]),
+    ] {
+        let id = assembly.label(&format!("figure 1 {name}"), Some(instance));
+        toy.stack(id, Vec3::from(color), IVec3::from(low), IVec3::from(high));
     }
+    toy.build(assembly, dice);
 }

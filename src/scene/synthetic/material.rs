@@ -25,11 +25,11 @@ pub(super) enum Material {
     Clay,
     Soil,
     Wood,
-    Brick,
-    /// Glazed pottery with bands; sRGB of the ground.
-    Glaze {
-        ground: Vec3,
+    /// Moulded plastic of one colour (sRGB).
+    Plastic {
+        color: Vec3,
     },
+    Rubber,
 }
 
 impl Material {
@@ -46,8 +46,8 @@ impl Material {
             Self::Clay => linear(Vec3::new(0.66, 0.40, 0.28) * (1.0 + 0.22 * fractal_noise(mm / 9.0, 5, seed))),
             Self::Soil => linear(Vec3::new(0.27, 0.20, 0.15) * (1.0 + 0.7 * fractal_noise(mm / 5.0, 4, seed))),
             Self::Wood => linear(wood(mm, seed)),
-            Self::Brick => linear(brick(mm, seed)),
-            Self::Glaze { ground } => linear(glaze(*ground, mm, seed)),
+            Self::Plastic { color } => linear(plastic(*color, mm, seed)),
+            Self::Rubber => linear(Vec3::splat(0.17) * (1.0 + 0.10 * fractal_noise(mm / 3.0, 3, seed))),
         }
     }
 
@@ -55,7 +55,7 @@ impl Material {
     pub(super) fn gloss(&self) -> f32 {
         match self {
             Self::Blade { .. } | Self::Sheath | Self::Culm { .. } => 0.06,
-            Self::Glaze { .. } => 0.25,
+            Self::Plastic { .. } => 0.08,
             _ => 0.0,
         }
     }
@@ -114,18 +114,8 @@ fn wood(mm: Vec2, seed: u32) -> Vec3 {
     Vec3::new(0.55, 0.41, 0.27) * (1.0 + 0.12 * rings + 0.16 * fractal_noise(at, 4, seed ^ 5) + 0.002 * shift) * joint
 }
 
-fn brick(mm: Vec2, seed: u32) -> Vec3 {
-    let clay = Vec3::new(0.62, 0.33, 0.25) * (1.0 + 0.16 * own(seed));
-    let scorch = fractal_noise(mm / 28.0, 3, seed ^ 1).clamp(0.0, 1.0);
-    let pit = if fractal_noise(mm / 3.0, 3, seed ^ 2) > 0.45 { 0.62 } else { 1.0 };
-    clay.lerp(Vec3::new(0.30, 0.24, 0.25), scorch) * (1.0 + 0.25 * fractal_noise(mm / 5.0, 5, seed)) * pit
-}
-
-fn glaze(ground: Vec3, mm: Vec2, seed: u32) -> Vec3 {
-    let wave = mm.y + 2.5 * (mm.x / 9.0).sin();
-    let band = (wave / 22.0).fract() < 0.28;
-    let figure = fractal_noise(mm / 11.0, 3, seed) > 0.12;
-    let paint = if band { Vec3::new(0.90, 0.86, 0.74) } else { ground };
-    let paint = if figure && !band { paint * 0.62 } else { paint };
-    paint * (1.0 + 0.12 * fractal_noise(mm / 4.0, 4, seed ^ 3))
+/// Plastic as toys have it after years: fine scratches and stains.
+fn plastic(color: Vec3, mm: Vec2, seed: u32) -> Vec3 {
+    let scratch = fractal_noise(Vec2::new(mm.x / 0.9, mm.y / 5.0), 3, seed);
+    color * (1.0 + 0.04 * own(seed)) * (1.0 + 0.07 * scratch + 0.06 * fractal_noise(mm / 6.0, 3, seed ^ 1))
 }

@@ -1,4 +1,4 @@
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DQuat, DVec3, Vec2, Vec3};
 
 use super::curve::Curve;
 
@@ -81,6 +81,17 @@ impl Mesh {
             let uv = Vec2::new((angle * half_width_m) as f32, (latitude * half_length_m) as f32);
             (centre + half_length_m * latitude.sin() * axis + ring, uv)
         })
+    }
+
+    /// A closed cylinder of `columns` sides about `axis` (unit), reaching `half_length_m` to both sides of `centre`.
+    pub(super) fn cylinder(centre: DVec3, axis: DVec3, radius_m: f64, half_length_m: f64, columns: usize) -> Self {
+        let (r, h) = (radius_m, half_length_m);
+        // Twice at each edge, so that caps and side are shaded flat and round.
+        let mut mesh = Self::lathe(DVec3::ZERO, &[(0.0, -h), (r, -h), (r, -h), (r, h), (r, h), (0.0, h)], columns);
+        let turn = DQuat::from_rotation_arc(DVec3::Z, axis);
+        mesh.positions.iter_mut().for_each(|x| *x = centre + turn * *x);
+        mesh.normals.iter_mut().for_each(|normal| *normal = (turn * normal.as_dvec3()).as_vec3());
+        mesh
     }
 
     /// A flat parallelogram: `origin`, `origin + along_u`, `origin + along_v`; its normal is `along_u × along_v`.

@@ -28,6 +28,7 @@ mod sensor;
 mod tests;
 mod tiller;
 mod tiller_traits;
+mod toy;
 mod truth;
 mod view;
 mod visibility;

@@ -9,7 +9,7 @@ pub enum SceneKind {
     /// A rice tiller in a pot before a wall of posters.
     #[default]
     Tiller,
-    /// A stack of bricks with a vase, a ball and a box before the same wall.
+    /// A car and a figure of stacked bricks with six wheels, before the same wall.
     Bricks,
 }
 

@@ -51,7 +51,8 @@ impl Assembly {
     ) {
         let label = self.tree.get(id).map_or_else(String::new, |label| label.name.clone());
         let path = TraitRow::path_of(&self.tree, id);
-        self.traits.push(TraitRow { label, path, instance: 0, name, value, dimension, definition });
+        let definition = definition.into();
+        self.traits.push(TraitRow { id, label, path, instance: 0, name, value, dimension, definition, points: 0 });
     }
 
     /// Adds a label below `parent`. Builders give every name once, so the tree takes it.

@@ -10,7 +10,7 @@ use super::tiller::build_tiller;
 use super::truth::{TruthOptions, exact_cloud};
 use super::view::{RenderedView, View, arc_of_views};
 use crate::engine::job::Progress;
-use crate::masks::LabelTree;
+use crate::masks::{Label, LabelId, LabelTree};
 use crate::scene::measure::TraitRow;
 use crate::scene::{LabelledCloud, SceneError};
 
@@ -27,9 +27,12 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Depth in the label tree of the classes a user would label (`stem`, `leaf`, `panicle`; `brick`, `vase`, …); the
+    /// Depth in the label tree of the classes a user would label (`stem`, `leaf`, `panicle`; `car`, `wheel`, `figure`); the
     /// specimen is above, instances and their parts are below.
     pub const CLASS_LEVEL: usize = 2;
+
+    /// Depth of parts in the label tree.
+    pub const PART_LEVEL: usize = 4;
 
     /// Makes the scene; the same options give the same scene.
     ///
@@ -63,6 +66,26 @@ impl Scene {
     #[must_use]
     pub fn tree(&self) -> &LabelTree {
         &self.tree
+    }
+
+    /// What a user would click: the classes of a plant; the parts of toys, and their wheels as one class.
+    #[must_use]
+    pub fn clicked_labels(&self) -> Vec<LabelId> {
+        let told_apart = self.classes_told_apart();
+        let is_clicked = |label: &&Label| match self.options.scene {
+            SceneKind::Tiller => self.tree.depth(label.id) == Self::CLASS_LEVEL,
+            SceneKind::Bricks => told_apart.contains(&label.name) || self.tree.depth(label.id) == Self::PART_LEVEL,
+        };
+        self.tree.iter().filter(is_clicked).map(|label| label.id).collect()
+    }
+
+    /// Names of classes that a user clicks as one and whose instances are told apart by what hangs together.
+    #[must_use]
+    pub fn classes_told_apart(&self) -> Vec<String> {
+        match self.options.scene {
+            SceneKind::Tiller => Vec::new(),
+            SceneKind::Bricks => vec!["wheel".into()],
+        }
     }
 
     /// The exact traits, metres.

@@ -44,13 +44,19 @@ struct Subject {
     middle: DVec3,
     width_m: f64,
     height_m: f64,
+    /// How far the cameras look down.
+    pitch_deg: f64,
 }
 
 /// Views from left to right along an arc about the specimen, looking slightly down at its middle.
 pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<View> {
     let subject = match options.scene {
-        SceneKind::Tiller => Subject { middle: DVec3::new(0.0, 0.0, 0.303), width_m: 0.50, height_m: 0.69 },
-        SceneKind::Bricks => Subject { middle: DVec3::new(0.0, 0.0, 0.12), width_m: 0.50, height_m: 0.40 },
+        SceneKind::Tiller => {
+            Subject { middle: DVec3::new(0.0, 0.0, 0.303), width_m: 0.50, height_m: 0.69, pitch_deg: 9.0 }
+        }
+        SceneKind::Bricks => {
+            Subject { middle: DVec3::new(0.0, 0.0, 0.06), width_m: 0.40, height_m: 0.30, pitch_deg: 22.0 }
+        }
     };
     let (width, height) = (f64::from(options.width), f64::from(options.height));
     let focal = options.distance_m * (width / subject.width_m).min(height / subject.height_m);
@@ -60,7 +66,7 @@ pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<View> {
         .map(|index| {
             let share = if options.views > 1 { index as f64 / (options.views - 1) as f64 - 0.5 } else { 0.0 };
             let azimuth = (share * options.arc_deg).to_radians();
-            let pitch = 9_f64.to_radians();
+            let pitch = subject.pitch_deg.to_radians();
             let away = DVec3::new(pitch.cos() * azimuth.sin(), -pitch.cos() * azimuth.cos(), pitch.sin());
             let camera_from_world = look_at(subject.middle + options.distance_m * away, subject.middle);
             View { name: format!("{index:0digits$}"), index, camera, camera_from_world }

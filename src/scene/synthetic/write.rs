@@ -9,7 +9,7 @@ use crate::engine::job::Progress;
 use crate::frames::{DepthMap, Image};
 use crate::masks::{LabelMask, LabelTree};
 use crate::scene::SceneError;
-use crate::scene::measure::traits_csv;
+use crate::scene::measure::{LengthUnit, traits_csv};
 
 impl Scene {
     /// Metres per step of the 16-bit depth pictures: fine enough for grains, far enough for the wall (6.5 m).
@@ -39,7 +39,7 @@ impl Scene {
         let labels = serde_json::to_string_pretty(&self.tree().iter().collect::<Vec<_>>())
             .map_err(|source| SceneError::Request(format!("the labels cannot be written: {source}")))?;
         write_text(&dir.join("truth").join("labels.json"), &labels)?;
-        write_text(&dir.join("truth").join("traits.csv"), &traits_csv(self.traits(), "m"))
+        write_text(&dir.join("truth").join("traits.csv"), &traits_csv(self.traits(), LengthUnit::Metre))
     }
 }
 

@@ -1,3 +1,4 @@
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -6,11 +7,12 @@ use anyhow::{Context, Result, bail, ensure};
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
 use crate::frames::cameras::{SparsePoints, write_colmap_model};
-use crate::masks::{Label, LabelTree, MaskFormat};
+use crate::masks::{Label, LabelId, LabelTree, MaskFormat};
 use crate::scene::LabelledCloud;
-use crate::scene::formats::{MeshFormat, VoxelFormat};
+use crate::scene::formats::{CloudFormat, MeshFormat, VoxelFormat};
 use crate::scene::fuse::Votes;
-use crate::scene::ply::{read_ply, save_ply};
+use crate::scene::measure::LengthUnit;
+use crate::scene::ply::read_ply;
 use crate::session::cloud::read_votes_file;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::store::{cloud_path, load_sparse, version_in_force, votes_path};
@@ -28,6 +30,8 @@ pub(super) struct Sources {
     /// Where the surface lies that was made with the cloud, and the edge of its voxels.
     pub(super) surface: Option<(PathBuf, f64)>,
     votes_file: Option<PathBuf>,
+    /// Of lengths in the scene.
+    unit: LengthUnit,
 }
 
 impl Session {
@@ -54,7 +58,8 @@ impl Session {
         let votes_file = version.and_then(|version| Some(votes_path(root.as_deref()?, version)));
         let store = Arc::clone(&self.store);
         let (cloud, surface) = (self.cloud().cloned(), self.surface_file());
-        Ok(Sources { project, store, cloud, cloud_file, votes_file, root, surface })
+        let unit = self.length_unit();
+        Ok(Sources { project, store, cloud, cloud_file, votes_file, root, surface, unit })
     }
 }
 
@@ -65,6 +70,7 @@ fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
     let has_cloud = sources.cloud.is_some() || sources.cloud_file.is_some();
     let of_cloud = [cloud, mesh, voxels, traits].into_iter().any(Option::is_some);
     ensure!(has_cloud || !of_cloud, "the project has no cloud yet; fuse first");
+    cloud.as_deref().map(CloudFormat::of).transpose()?;
     mesh.as_deref().map(MeshFormat::of).transpose()?;
     voxels.as_deref().map(VoxelFormat::of).transpose()?;
     ensure!(
@@ -90,10 +96,13 @@ fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Res
     let mut warnings = Vec::new();
     if request.cloud.is_some() || request.voxels.is_some() || request.traits.is_some() {
         let cloud = load_cloud(sources, progress)?;
-        request.cloud.as_deref().map_or(Ok(()), |path| write_cloud(path, &cloud, request, progress))?;
+        if let Some(path) = &request.cloud {
+            write_cloud(path, &cloud, request, progress)?;
+            warnings.extend(without_points(&cloud, request.level).filter(|_| request.per_label));
+        }
         let voxels = |path| super::models::write_voxels(path, &cloud, sources, request, progress);
         request.voxels.as_deref().map_or(Ok(()), voxels)?;
-        let traits = |path| super::traits::write(path, &cloud, request.level, progress);
+        let traits = |path| super::traits::write(path, &cloud, request, sources.unit, progress);
         request.traits.as_deref().map_or(Ok(()), traits)?;
     }
     if let Some(path) = &request.mesh {
@@ -151,6 +160,22 @@ impl Sources {
 
 fn write_cloud(path: &Path, cloud: &LabelledCloud, request: &ExportRequest, progress: &Progress) -> Result<()> {
     progress.stage("write cloud")?;
-    let save = |path: &Path, cloud: &LabelledCloud, coloring| save_ply(path, cloud, coloring, progress);
-    super::models::write_points(path, cloud, request, save)
+    let format = CloudFormat::of(path)?;
+    let save = |path: &Path, cloud: &LabelledCloud, coloring| format.save(path, cloud, coloring, progress);
+    super::models::write_points(path, cloud, request, save)?;
+    Ok(CloudFormat::save_classes(path, cloud)?)
+}
+
+/// A warning where labels get no file of their own.
+fn without_points(cloud: &LabelledCloud, level: Option<usize>) -> Option<String> {
+    let coarse = level.map(|level| cloud.at_level(level));
+    let labels: BTreeSet<LabelId> = coarse.as_ref().unwrap_or(cloud).labels.iter().copied().collect();
+    let tree = &cloud.tree;
+    let wanted = |label: &Label| match level {
+        Some(level) => tree.depth(label.id) == level,
+        None => !tree.iter().any(|other| other.parent == Some(label.id)),
+    };
+    let missing: Vec<&str> =
+        tree.iter().filter(|l| wanted(l) && !labels.contains(&l.id)).map(|label| label.name.as_str()).collect();
+    (!missing.is_empty()).then(|| format!("these labels have no points and get no file: {}", missing.join(", ")))
 }

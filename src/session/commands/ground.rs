@@ -59,7 +59,7 @@ impl Session {
                 apply(&mut next, &mut edits, labels.collect())?;
                 let prompt = Prompt { clicks: Vec::new(), boxes: vec![*extent] };
                 let of = PromptRequest { frame: request.frame, label, prompt, segmenter: request.segmenter.clone() };
-                let mask = with_answer(&next, &of, &answer(ready.as_ref(), &next, &of)?)?;
+                let mask = with_answer(&next, &of, &answer(ready.as_ref(), &next, &of, &link.progress)?)?;
                 let mut masks = by_hand(&next, request.frame, &mask);
                 masks.push(Edit::SetPrompt { frame: of.frame, label, prompt: Some(of.prompt) });
                 apply(&mut next, &mut edits, masks)?;

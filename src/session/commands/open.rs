@@ -43,8 +43,8 @@ impl Session {
         self.preparing = None;
         self.hover(None);
         // Results are known by number, and every project counts its own.
-        (self.cloud, self.surfaces) = Default::default();
-        (self.sparse, self.growing, self.doubts) = Default::default();
+        (self.cloud, self.surfaces, self.proposed) = Default::default();
+        (self.sparse, self.growing, self.doubts, self.measuring) = Default::default();
         self.suggestions.clear();
         self.grounding = None;
         self.interactions = 0;

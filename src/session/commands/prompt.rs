@@ -3,6 +3,8 @@ use std::sync::Arc;
 use anyhow::{Result, ensure};
 
 use super::paint::{anchor, by_hand, check_unlocked, label_name, mask_of};
+use crate::engine::job::Progress;
+use crate::frames::Frame;
 use crate::masks::{
     Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, landmarks,
     taken_by_others,
@@ -30,23 +32,29 @@ impl Session {
         Ok(Some(self.start("Segment", kind, move |link| {
             let ready = prepared.get(segmenter.as_ref(), &frame, &store, &link.progress)?;
             link.progress.stage("segment")?;
-            let region = answer(ready.as_ref(), &project, &request)?;
+            let region = answer(ready.as_ref(), &project, &request, &link.progress)?;
             Ok(Box::new(move |session: &mut Self| session.take_answer(&request, &region)) as Landing)
         })))
     }
 
-    /// Makes a frame ready for prompts in the background; the frame asked for last goes first.
+    /// Makes a frame ready for prompts in the background, then its neighbours; the frame asked for last goes first.
     pub fn prepare(&mut self, frame: usize, segmenter: &str) {
-        let Ok(segmenter) = engines::segmenter(segmenter) else { return };
-        let Some(frame) = self.project().and_then(|project| project.frames.get(frame)).cloned() else { return };
-        if self.preparing.as_deref() == Some(&frame.name) {
+        let Some(project) = self.project().map(Arc::clone) else { return };
+        let Some(name) = project.frames.get(frame).map(|frame| &frame.name) else { return };
+        if self.preparing.as_deref() == Some(name) {
             return;
         }
+        let Ok(segmenter) = engines::previewer(segmenter) else { return };
         self.jobs.iter().filter(|job| job.title == PREPARE).for_each(crate::session::jobs::Job::stop);
-        self.preparing = Some(frame.name.clone());
+        self.preparing = Some(name.clone());
         let (prepared, store) = (Arc::clone(&self.prepared), Arc::clone(&self.store));
         self.start(PREPARE, Kind::Background, move |link| {
-            prepared.get(segmenter.as_ref(), &frame, &store, &link.progress)?;
+            for (done, of) in frames_around(&project.frames, frame).enumerate() {
+                let ready = prepared.get(segmenter.as_ref(), of, &store, &link.progress)?;
+                if done == 0 && !prepared.has_room_for(ready.bytes() * AHEAD.len()) {
+                    break;
+                }
+            }
             Ok(Box::new(|_: &mut Self| Ok(())) as Landing)
         });
     }
@@ -91,15 +99,27 @@ impl Session {
 
 /// The job that reads ahead.
 const PREPARE: &str = "prepare";
+/// Where the frames lie that are made ready, counted from the one shown.
+const AHEAD: [isize; 5] = [0, 1, -1, 2, -2];
+
+/// A frame and its neighbours, the nearest first.
+fn frames_around(frames: &[Frame], at: usize) -> impl Iterator<Item = &Frame> {
+    AHEAD.into_iter().filter_map(move |step| frames.get(at.checked_add_signed(step)?))
+}
 
 /// The pixels that a prompt asks for, given all else that the frame shows.
-pub fn answer(ready: &dyn PreparedFrame, project: &Project, request: &PromptRequest) -> Result<Region> {
+pub fn answer(
+    ready: &dyn PreparedFrame,
+    project: &Project,
+    request: &PromptRequest,
+    progress: &Progress,
+) -> Result<Region> {
     let mask = mask_of(project, request.frame)?;
     let previous = refines(project, request).then(|| mask.region(request.label)).filter(|region| region.area() > 0);
     let taken = taken(project, &mask, request);
     let prompt = against_rivals(project, &mask, request);
     let request = SegmentRequest { prompt: &prompt, previous: previous.as_ref(), taken: taken.as_ref() };
-    Ok(ready.segment(&request)?)
+    Ok(ready.segment(&request, progress)?)
 }
 
 /// The frame's mask with the answer to a prompt composed into it.

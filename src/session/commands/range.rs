@@ -153,7 +153,7 @@ fn delete(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>)
 }
 
 /// Pixels become `into`'s, and what was clicked for them too.
-fn merge(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>, into: LabelId) -> Vec<Edit> {
+pub(super) fn merge(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>, into: LabelId) -> Vec<Edit> {
     let mut edits: Vec<Edit> = masks(project, request)
         .filter(|(frame, _)| !project.locked_on(*frame).contains(&into))
         .filter_map(|(frame, mask)| {

@@ -4,10 +4,11 @@ use anyhow::{Result, ensure};
 
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
+use crate::masks::Unexplained;
 use crate::masks::builtin::standing_apart;
 use crate::masks::flow::{FlowOptions, moving_apart};
-use crate::masks::{Unexplained, deepest_point};
 use crate::session::jobs::{Kind, Landing};
+use crate::session::suggestion::Reason;
 use crate::session::{JobId, Project, Session, Suggestion};
 
 /// Frames looked at, spread over those with masks.
@@ -71,7 +72,10 @@ fn suggestions(
             kept.push(one);
         }
     }
-    Ok(kept.into_iter().filter_map(|(_, frame, one)| suggestion(*frame, one)).collect())
+    Ok(kept
+        .into_iter()
+        .filter_map(|(_, frame, one)| Suggestion::of(*frame, &one.region, Reason::Apart(one.why)))
+        .collect())
 }
 
 /// What no label of a frame explains: by motion towards a frame nearby, and by depth where there is some.
@@ -87,21 +91,4 @@ fn unexplained_on(project: &Project, store: &FrameStore, frame: usize) -> Result
         found.extend(standing_apart(&depth, &mask));
     }
     Ok(found)
-}
-
-fn suggestion(frame: usize, found: &Unexplained) -> Option<Suggestion> {
-    let region = &found.region;
-    let (x, y) = deepest_point(region)?;
-    let inside = || (0..region.inside.len()).filter(|&at| region.inside[at]);
-    let width = region.width as usize;
-    let (left, right) = (inside().map(|at| at % width).min()?, inside().map(|at| at % width).max()?);
-    let (top, bottom) = (inside().map(|at| at / width).min()?, inside().map(|at| at / width).max()?);
-    let corner = |x: usize, y: usize| glam::DVec2::new(x as f64, y as f64);
-    Some(Suggestion {
-        frame,
-        at_px: glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5),
-        around_px: crate::masks::PxBox { min_px: corner(left, top), max_px: corner(right + 1, bottom + 1) },
-        share: region.area() as f64 / region.inside.len() as f64,
-        why: found.why,
-    })
 }

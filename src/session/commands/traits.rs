@@ -1,15 +1,23 @@
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 
 use crate::engine::job::Progress;
 use crate::scene::LabelledCloud;
-use crate::scene::measure::{MeasureOptions, measure, traits_csv};
+use crate::scene::measure::{LengthUnit, MeasureOptions, measure, traits_csv};
+use crate::session::ExportRequest;
+use crate::session::store::replace;
 
-/// Measures every label of a cloud and writes the table.
-pub fn write(path: &Path, cloud: &LabelledCloud, level: Option<usize>, progress: &Progress) -> Result<()> {
-    let rows = measure(cloud, &MeasureOptions { level, ..MeasureOptions::default() }, progress)?;
+/// Measures every label of a cloud and writes the table, lengths in the unit asked for or else in the scene's.
+pub fn write(
+    path: &Path,
+    cloud: &LabelledCloud,
+    request: &ExportRequest,
+    of_scene: LengthUnit,
+    progress: &Progress,
+) -> Result<()> {
+    let options = MeasureOptions { level: request.level, ground: request.ground, ..MeasureOptions::default() };
+    let rows = measure(cloud, &options, progress)?;
     super::make_folder_of(path)?;
-    std::fs::write(path, traits_csv(&rows, "m"))
-        .with_context(|| format!("{}: cannot be written; check permissions and free space", path.display()))
+    replace(path, traits_csv(&rows, request.unit.unwrap_or(of_scene)).as_bytes())
 }

@@ -32,10 +32,33 @@ impl VotedBefore {
         geometry: &str,
         loaded: Option<(Arc<LabelledCloud>, Arc<Votes>)>,
     ) -> Option<Self> {
+        let before = Self::in_force(project, root, loaded)?;
+        let same = before.record.geometry.as_deref() == Some(geometry) && !request.drop_unlabelled;
+        same.then_some(before)
+    }
+
+    /// The project's cloud whatever it was made of; `None` where there is none.
+    pub(super) fn in_force(
+        project: &Project,
+        root: &Path,
+        loaded: Option<(Arc<LabelledCloud>, Arc<Votes>)>,
+    ) -> Option<Self> {
         version_in_force(project, ResultKind::Cloud)?;
-        let record = project.results.get(&ResultKind::Cloud)?;
-        let same = record.geometry.as_deref() == Some(geometry) && !request.drop_unlabelled;
-        same.then(|| Self { record: record.clone(), root: root.to_owned(), loaded })
+        let record = project.results.get(&ResultKind::Cloud)?.clone();
+        Some(Self { record, root: root.to_owned(), loaded })
+    }
+
+    /// The cloud with its votes; `None` where it is not known who voted.
+    pub(super) fn load(&self, progress: &Progress) -> Result<Option<(Arc<LabelledCloud>, Arc<Votes>)>> {
+        let (cloud, votes) = match &self.loaded {
+            Some((cloud, votes)) => (Arc::clone(cloud), Arc::clone(votes)),
+            None => {
+                let Ok(votes) = read_votes_file(&votes_path(&self.root, self.record.version)) else { return Ok(None) };
+                let read = read_ply(&cloud_path(&self.root, self.record.version), progress)?;
+                (Arc::new(read.cloud), Arc::new(votes))
+            }
+        };
+        Ok(can_vote_again(&votes).then_some((cloud, votes)))
     }
 
     /// The cloud, voted on anew; `None` where it is not known who voted.
@@ -45,17 +68,7 @@ impl VotedBefore {
         project: &Project,
         progress: &Progress,
     ) -> Result<Option<Fused>> {
-        let (cloud, votes) = match &self.loaded {
-            Some((cloud, votes)) => (Arc::clone(cloud), Arc::clone(votes)),
-            None => {
-                let Ok(votes) = read_votes_file(&votes_path(&self.root, self.record.version)) else { return Ok(None) };
-                let read = read_ply(&cloud_path(&self.root, self.record.version), progress)?;
-                (Arc::new(read.cloud), Arc::new(votes))
-            }
-        };
-        if !can_vote_again(&votes) {
-            return Ok(None);
-        }
+        let Some((cloud, votes)) = self.load(progress)? else { return Ok(None) };
         Ok(Some(vote_again(&cloud, &votes, views, &project.labels, progress)?))
     }
 

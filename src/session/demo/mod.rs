@@ -2,12 +2,13 @@
 //!
 //! May use: the session's commands, scene::synthetic, scores. Must not touch: printing, the window.
 
+mod levels;
 mod report;
 mod run;
 mod studio;
 mod user;
 
-pub use report::{CloudReport, DemoReport, MaskReport};
+pub use report::{CloudReport, DemoReport, LevelsReport, MaskReport};
 pub use run::{DemoMethod, DemoOptions, run_demo};
 pub use studio::Watch;
 pub use user::MAX_CLICKS;

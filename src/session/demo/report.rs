@@ -10,7 +10,10 @@ pub struct DemoReport {
     pub cloud: CloudReport,
     /// The masks against the exact ones, over all frames.
     pub masks: MaskReport,
-    /// Clicks given, per class, over the whole sequence.
+    /// The cloud at the level of classes, instances and parts, where a scene has truth for all three.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub levels: Option<LevelsReport>,
+    /// Clicks given, per label that the user clicks, over the whole sequence.
     pub clicks: BTreeMap<String, usize>,
     /// Wall time of each stage.
     pub seconds: BTreeMap<String, f64>,
@@ -33,10 +36,23 @@ pub struct CloudReport {
     pub points: usize,
 }
 
+/// IoU of a cloud's labels over all truth points, level by level of the label tree.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LevelsReport {
+    /// Per class.
+    pub class: BTreeMap<String, f64>,
+    /// Per instance; those told apart by themselves under the name of the true one that they stand for.
+    pub instance: BTreeMap<String, f64>,
+    /// Per part.
+    pub part: BTreeMap<String, f64>,
+    /// Instances that were found of each class that was labelled as one.
+    pub instances: BTreeMap<String, usize>,
+}
+
 /// The masks' score.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MaskReport {
-    /// Mean IoU over the frames, per class.
+    /// Mean IoU over the frames, per label that the user clicks.
     pub iou: BTreeMap<String, f64>,
 }
 
@@ -45,14 +61,22 @@ impl DemoReport {
     #[must_use]
     pub fn table(&self) -> String {
         let mut text =
-            format!("{}\n\n{:<14} {:>9} {:>9} {:>7}\n", self.scene, "label", "mask IoU", "3-D IoU", "clicks");
-        for (class, iou) in &self.cloud.iou {
-            let mask = self.masks.iou.get(class).copied().unwrap_or(0.0);
-            let clicks = self.clicks.get(class).copied().unwrap_or(0);
-            let _ = writeln!(text, "{class:<14} {mask:>9.4} {iou:>9.4} {clicks:>7}");
+            format!("{}\n\n{:<20} {:>9} {:>9} {:>7}\n", self.scene, "label", "mask IoU", "3-D IoU", "clicks");
+        match &self.levels {
+            None => self.cloud.iou.iter().for_each(|(label, &iou)| self.row(&mut text, label, iou)),
+            Some(levels) => {
+                for (title, ious) in [("class", &levels.class), ("instance", &levels.instance), ("part", &levels.part)]
+                {
+                    let _ = writeln!(text, "{title}");
+                    ious.iter().for_each(|(label, &iou)| self.row(&mut text, label, iou));
+                }
+                for (class, count) in &levels.instances {
+                    let _ = writeln!(text, "instances of {class} found: {count}");
+                }
+            }
         }
         for (part, share) in &self.cloud.parts {
-            let _ = writeln!(text, "{:<14} {:>9} {share:>9.4}  (share labelled right)", format!("  {part}"), "");
+            let _ = writeln!(text, "{:<20} {:>9} {share:>9.4}  (share labelled right)", format!("  {part}"), "");
         }
         let cloud = &self.cloud;
         let _ = writeln!(text, "\naccuracy over labelled truth points  {:.4}", cloud.accuracy);
@@ -62,5 +86,12 @@ impl DemoReport {
             let _ = writeln!(text, "{stage:<14} {seconds:>8.1} s");
         }
         text
+    }
+
+    /// Mask IoU and clicks are known of labels that were clicked.
+    fn row(&self, text: &mut String, label: &str, iou: f64) {
+        let mask = self.masks.iou.get(label).map_or_else(String::new, |iou| format!("{iou:.4}"));
+        let clicks = self.clicks.get(label).map_or_else(String::new, usize::to_string);
+        let _ = writeln!(text, "{label:<20} {mask:>9} {iou:>9.4} {clicks:>7}");
     }
 }

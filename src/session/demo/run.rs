@@ -5,7 +5,8 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 
-use super::report::{CloudReport, DemoReport, MaskReport};
+use super::levels::{score_levels, tell_apart};
+use super::report::{CloudReport, DemoReport, LevelsReport, MaskReport};
 use super::studio::{Studio, Watch};
 use super::user::SimulatedUser;
 use crate::engine::job::Progress;
@@ -62,7 +63,7 @@ const CORRECTING_CLICKS: usize = 1;
 const WITHIN_M: f64 = 0.003;
 
 /// Does the whole job on a made scene: writes the recording, makes a project, clicks as a simulated user would (at most
-/// [`super::MAX_CLICKS`] per class), carries the masks through geometry, fuses, exports, and scores all of it against the exact truth.
+/// [`super::MAX_CLICKS`] per label), carries the masks through geometry, fuses, exports, and scores all of it against the exact truth.
 /// The project stays open in `session`.
 ///
 /// # Errors
@@ -73,7 +74,6 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
     clear_former(out)?;
     let scene = Scene::build(&options.scene)?;
     let truth_cloud = clock.time("1 scene", || make_recording(&scene, out))?;
-    let level = Scene::CLASS_LEVEL;
     let truth_masks: Vec<LabelMask> = scene.views().iter().map(|view| scene.render_exact(view).mask).collect();
 
     let mut studio = Studio::new(session, watch);
@@ -82,7 +82,8 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
         let request = ReconstructRequest { method, ..ReconstructRequest::default() };
         clock.time("3 reconstruct", || studio.act(Command::Reconstruct(request)))?;
     }
-    let mut user = SimulatedUser::new(&mut studio, truth_masks, scene.tree(), level)?;
+    let told_apart = scene.classes_told_apart();
+    let mut user = SimulatedUser::new(&mut studio, truth_masks, scene.tree(), &scene.clicked_labels(), &told_apart)?;
     let first = user.clearest_frame();
     clock.time("4 click", || user.click_on(&mut studio, first, FIRST_CLICKS))?;
     clock.time("5 track", || SimulatedUser::track(&mut studio))?;
@@ -93,6 +94,10 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
             break;
         }
         clock.time("5 track", || SimulatedUser::track(&mut studio))?;
+    }
+    if !told_apart.is_empty() {
+        clock.time("6 fuse", || studio.act(Command::Fuse(FuseRequest::default())))?;
+        clock.time("6 instances", || tell_apart(&mut studio, &told_apart))?;
     }
     clock.time("6 fuse", || {
         studio.act(Command::Fuse(FuseRequest { drop_unlabelled: true, ..FuseRequest::default() }))
@@ -105,9 +110,10 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
         let project = studio.session.project().context("no project is open")?;
         align([Some(&cloud_path), mesh_path.as_ref()], &project.frames, scene.views(), alignment)?;
     }
-    let cloud = clock.time("8 score", || score(&truth_cloud, &cloud_path))?;
+    let (cloud, levels) = clock.time("8 score", || score(&truth_cloud, &cloud_path, &told_apart))?;
     let report = DemoReport {
         cloud,
+        levels,
         masks: MaskReport { iou: user.mean_ious(&studio)? },
         clicks: user.clicks(),
         seconds: clock.seconds,
@@ -212,7 +218,11 @@ fn transform(cloud: &mut LabelledCloud, by: &Similarity) {
     }
 }
 
-fn score(truth: &LabelledCloud, cloud_path: &Path) -> Result<CloudReport> {
+fn score(
+    truth: &LabelledCloud,
+    cloud_path: &Path,
+    told_apart: &[String],
+) -> Result<(CloudReport, Option<LevelsReport>)> {
     let progress = Progress::default();
     let result = read_ply(cloud_path, &progress)?.cloud;
     let level = Some(Scene::CLASS_LEVEL);
@@ -223,13 +233,16 @@ fn score(truth: &LabelledCloud, cloud_path: &Path) -> Result<CloudReport> {
         let labels = score_cloud(&of_part, &result, &options, &progress)?.labels;
         parts.insert(name, labels.accuracy);
     }
-    Ok(CloudReport {
+    let has_levels = !told_apart.is_empty();
+    let levels = has_levels.then(|| score_levels(truth, &result, told_apart, WITHIN_M)).transpose()?;
+    let cloud = CloudReport {
         iou: score.labels.iou.iter().map(|label| (label.name.clone(), label.iou)).collect(),
         parts,
         accuracy: score.labels.accuracy,
         median_distance_mm: score.median_distance * 1000.0,
         points: result.len(),
-    })
+    };
+    Ok((cloud, levels))
 }
 
 /// The points of each kind of part, as the last word of its label's name says it: `sheath` for `leaf 3 sheath`.

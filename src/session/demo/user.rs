@@ -7,7 +7,7 @@ use super::studio::Studio;
 use crate::masks::{Click, LabelClick, LabelId, LabelMask, LabelTree, Prompt, next_label_click};
 use crate::session::{Command, PromptRequest, TrackSettings};
 
-/// Clicks that the simulated user may give per class over the whole sequence.
+/// Clicks that the simulated user may give per class over the whole sequence; for each thing of a class that is clicked as one.
 pub const MAX_CLICKS: usize = 8;
 
 /// Errors smaller than this are not worth a click, pixels.
@@ -30,40 +30,56 @@ pub(super) struct SimulatedUser {
 struct Class {
     name: String,
     id: LabelId,
+    /// Things that are to be told apart afterwards; otherwise 1.
+    things: usize,
     clicks: usize,
 }
 
+impl Class {
+    /// Clicks that it may get in all.
+    fn most(&self) -> usize {
+        MAX_CLICKS * self.things
+    }
+}
+
 impl SimulatedUser {
-    /// Makes the classes of `tree` as labels of the open project, under the specimen as in the truth. `truth` holds a
-    /// mask per frame in ids of `tree`.
+    /// Makes the labels `clicked` of `tree`, and those above them, as labels of the open project. `truth` holds a mask per
+    /// frame in ids of `tree`; what is below a clicked label counts as it. Things of the classes `told_apart` are clicked one by one.
     pub(super) fn new(
         studio: &mut Studio<'_, '_>,
         mut truth: Vec<LabelMask>,
         tree: &LabelTree,
-        level: usize,
+        clicked: &[LabelId],
+        told_apart: &[String],
     ) -> Result<Self> {
         let mut classes = Vec::new();
         let mut in_project = BTreeMap::new();
-        for label in tree.iter().filter(|label| tree.depth(label.id) <= level) {
+        let is_wanted = |id: LabelId| clicked.iter().any(|&below| tree.path(below).contains(&id));
+        for label in tree.iter().filter(|label| is_wanted(label.id)) {
             let parent = label.parent.and_then(|id| tree.get(id)).map(|parent| parent.name.clone());
             studio.act(Command::AddLabel { name: label.name.clone(), parent, color: Some(label.color) })?;
-            if tree.depth(label.id) == level {
+            if clicked.contains(&label.id) {
                 let project = studio.session.project().context("no project is open")?;
                 let id = project.labels.by_name(&label.name).context("the label was not made")?.id;
                 in_project.insert(label.id, id);
-                classes.push(Class { name: label.name.clone(), id, clicks: 0 });
+                let is_told_apart = told_apart.contains(&label.name);
+                let things = if is_told_apart { tree.children(Some(label.id)).count().max(1) } else { 1 };
+                classes.push(Class { name: label.name.clone(), id, things, clicks: 0 });
             }
         }
+        let found = |id: LabelId| tree.path(id).iter().find_map(|above| in_project.get(above)).copied();
+        let of_id: Vec<LabelId> = (0..tree.next_id().0).map(|id| found(LabelId(id)).unwrap_or_default()).collect();
         for id in truth.iter_mut().flat_map(|mask| &mut mask.ids) {
-            *id = in_project.get(&tree.at_level(*id, level)).copied().unwrap_or(LabelId::NONE);
+            *id = of_id[usize::from(id.0)];
         }
         Ok(Self { truth, classes, given: BTreeMap::new(), left_alone: Vec::new() })
     }
 
     /// Clicks on one frame, once for each class nothing is there of, then always into the largest error, at most `most`
-    /// times for each class; a click that made things worse is taken back (and counted), and the place left alone.
+    /// times for each class (each thing that is told apart); a click that made things worse is taken back (and counted), and the place left alone.
     pub(super) fn click_on(&mut self, studio: &mut Studio<'_, '_>, frame: usize, most: usize) -> Result<()> {
-        let most: Vec<usize> = self.classes.iter().map(|class| MAX_CLICKS.min(class.clicks + most)).collect();
+        let most: Vec<usize> =
+            self.classes.iter().map(|class| class.most().min(class.clicks + most * class.things)).collect();
         loop {
             let classes = self.classes.iter().zip(&most);
             let open: Vec<LabelId> =
@@ -90,7 +106,7 @@ impl SimulatedUser {
     /// The frame with the largest error that a click is left for; `None` when all is good.
     pub(super) fn worst_frame(&self, studio: &Studio<'_, '_>) -> Result<Option<usize>> {
         let open: Vec<LabelId> =
-            self.classes.iter().filter(|class| class.clicks < MAX_CLICKS).map(|class| class.id).collect();
+            self.classes.iter().filter(|class| class.clicks < class.most()).map(|class| class.id).collect();
         let mut worst = (0, None);
         for frame in 0..self.truth.len() {
             let wrong_px = self.next_click(studio, frame, &open)?.map_or(0, |next| next.wrong_px);

@@ -23,7 +23,7 @@ mod versions;
 
 pub use checkpoint::{Checkpoint, HISTORY_BYTES, load_sparse};
 pub use depth_folder::{DepthAccount, DepthFolder, depth_map_path};
-pub(super) use durable::sync_folder;
+pub(super) use durable::{replace, sync_folder};
 pub use folder::{Folder, Loaded, Written};
 pub use outcomes::{load_links, load_outcomes, save_links, save_outcomes};
 pub use record::{Act, Record};

@@ -2,6 +2,7 @@
 
 struct Eye {
     clip_from_world: mat4x4<f32>,
+    cube_from_world: mat4x4<f32>,
     view: vec4<f32>,
     disc: vec4<f32>,
     place: vec4<f32>,
@@ -24,5 +25,6 @@ fn vertex(@location(0) position: vec3<f32>, @location(1) color: vec4<f32>) -> En
 
 @fragment
 fn fragment(in: End) -> @location(0) vec4<f32> {
-    return in.color;
+    // Opacity 0 marks what is no part of the model and takes no shade.
+    return vec4<f32>(in.color.rgb, 0.0);
 }

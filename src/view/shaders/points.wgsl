@@ -1,8 +1,10 @@
-// Points as round discs, lit a little by their normal towards the eye. Twin: raster.rs.
+// Points as round discs of their own colour. Twin: raster.rs.
 
 struct Eye {
     clip_from_world: mat4x4<f32>,
-    // x, y: size of the picture in pixels; z: focal length in pixels; w: disc radius in world units.
+    // Takes the inside of the clip box to the cube from -1 to 1.
+    cube_from_world: mat4x4<f32>,
+    // x, y: size of the picture in pixels; z: pixels per world unit at clip w = 1; w: disc radius in world units.
     view: vec4<f32>,
     // x: smallest, y: largest disc radius in pixels.
     disc: vec4<f32>,
@@ -28,7 +30,8 @@ fn vertex(
     let at = eye.clip_from_world * vec4<f32>(position, 1.0);
     let radius_px = clamp(eye.view.w * eye.view.z / max(at.w, 1e-9), eye.disc.x, eye.disc.y);
     out.position = at + vec4<f32>(corner * radius_px * 2.0 / eye.view.xy * at.w, 0.0, 0.0);
-    if color.a == 0.0 {
+    let in_cube = abs((eye.cube_from_world * vec4<f32>(position, 1.0)).xyz);
+    if color.a == 0.0 || max(in_cube.x, max(in_cube.y, in_cube.z)) > 1.0 {
         // Hidden: outside the clip volume.
         out.position = vec4<f32>(2.0, 2.0, 2.0, 1.0);
     }
@@ -37,10 +40,16 @@ fn vertex(
     return out;
 }
 
+// An ordered dither (Bayer 1973): what is faint needs no order.
+fn is_shown(opacity: f32, at: vec2<u32>) -> bool {
+    var thresholds = array<f32, 16>(0., 8., 2., 10., 12., 4., 14., 6., 3., 11., 1., 9., 15., 7., 13., 5.);
+    return opacity * 16.0 > thresholds[(at.y % 4u) * 4u + at.x % 4u] + 0.5;
+}
+
 @fragment
 fn fragment(in: Disc) -> @location(0) vec4<f32> {
-    if dot(in.corner, in.corner) > 1.0 {
+    if dot(in.corner, in.corner) > 1.0 || !is_shown(in.color.a, vec2<u32>(in.position.xy)) {
         discard;
     }
-    return vec4<f32>(in.color.rgb, 1.0);
+    return in.color;
 }

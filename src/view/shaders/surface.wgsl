@@ -2,6 +2,8 @@
 
 struct Eye {
     clip_from_world: mat4x4<f32>,
+    // Takes the inside of the clip box to the cube from -1 to 1.
+    cube_from_world: mat4x4<f32>,
     view: vec4<f32>,
     disc: vec4<f32>,
     // xyz: where the camera is; w: light on a surface that is seen along itself.
@@ -12,8 +14,9 @@ struct Eye {
 
 struct Corner {
     @builtin(position) position: vec4<f32>,
-    @location(0) @interpolate(linear) color: vec3<f32>,
+    @location(0) @interpolate(linear) color: vec4<f32>,
     @location(1) @interpolate(linear) light: f32,
+    @location(2) in_cube: vec3<f32>,
 };
 
 @vertex
@@ -24,14 +27,25 @@ fn vertex(
 ) -> Corner {
     var out: Corner;
     out.position = eye.clip_from_world * vec4<f32>(position, 1.0);
-    out.color = color.rgb;
+    out.color = color;
     let towards = eye.place.xyz - position;
     let facing = abs(dot(towards / max(length(towards), 1e-20), normal.xyz));
     out.light = eye.place.w + (1.0 - eye.place.w) * facing;
+    out.in_cube = (eye.cube_from_world * vec4<f32>(position, 1.0)).xyz;
     return out;
+}
+
+// An ordered dither (Bayer 1973): what is faint needs no order.
+fn is_shown(opacity: f32, at: vec2<u32>) -> bool {
+    var thresholds = array<f32, 16>(0., 8., 2., 10., 12., 4., 14., 6., 3., 11., 1., 9., 15., 7., 13., 5.);
+    return opacity * 16.0 > thresholds[(at.y % 4u) * 4u + at.x % 4u] + 0.5;
 }
 
 @fragment
 fn fragment(in: Corner) -> @location(0) vec4<f32> {
-    return vec4<f32>(in.color * in.light, 1.0);
+    let off = abs(in.in_cube);
+    if max(off.x, max(off.y, off.z)) > 1.0 || !is_shown(in.color.a, vec2<u32>(in.position.xy)) {
+        discard;
+    }
+    return vec4<f32>(in.color.rgb * in.light, in.color.a);
 }

@@ -35,6 +35,16 @@ fn adding_what_is_installed_keeps_it() {
 }
 
 #[test]
+fn a_folder_stands_for_the_files_in_it() {
+    let Some((_, folder)) = ready() else { return };
+    let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
+    let added = add(&catalogue, scratch.path(), "xfeat", std::slice::from_ref(&folder)).unwrap();
+    assert_eq!(fs::read(&added[0].path).unwrap(), fs::read(folder.join("xfeat.onnx")).unwrap());
+    let error = add(&catalogue, scratch.path(), "xmem", &[folder]).unwrap_err().to_string();
+    assert!(error.contains("xmem") && error.contains(".onnx"), "{error}");
+}
+
+#[test]
 fn another_network_is_not_added() {
     let Some((_, folder)) = ready() else { return };
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());

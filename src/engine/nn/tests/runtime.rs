@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::super::search::{Place, library_name, places};
-use super::super::{Catalogue, Network, NnError, Proof, Runtime, add, models_folder};
+use super::super::{Catalogue, Network, NnError, Proof, Provider, Runtime, add, models_folder, take_fall_backs};
 use super::{networks, ready};
 
 /// Runs one ignored test of this module in a process of its own, as a process loads ONNX Runtime only once.
@@ -137,4 +137,32 @@ fn a_child_with_an_added_library() {
     Network::load(&runtime, &networks().unwrap().join("xfeat.onnx"), None).unwrap();
     let error = Runtime::open(Path::new("/another/onnxruntime")).unwrap_err();
     assert!(error.to_string().contains("in use"), "a second one cannot be loaded: {error}");
+}
+
+#[test]
+fn a_provider_that_does_not_start_is_told_and_the_processor_does_its_work() {
+    let Some((runtime, _)) = ready() else { return };
+    let library = runtime.path().as_os_str();
+    alone("a_child_on_a_card_that_is_not_there", Some(library), tempfile::tempdir().unwrap().path());
+}
+
+#[test]
+#[ignore = "run by another in a process of its own"]
+fn a_child_on_a_card_that_is_not_there() {
+    let runtime = Runtime::find().unwrap();
+    let path = networks().unwrap().join("xfeat.onnx");
+    for provider in Provider::ALL {
+        provider.choose();
+        Network::load(&runtime, &path, None).unwrap();
+        let told = take_fall_backs();
+        let what = format!("runs on the processor, as '{}' does not start", provider.name());
+        assert!(told.iter().all(|line| line.contains("xfeat.onnx") && line.contains(&what) && !line.contains('\n')));
+        match provider {
+            Provider::Cpu => assert!(told.is_empty(), "{told:?}"),
+            // These two are of other systems than this one, wherever the test runs.
+            Provider::DirectMl if !cfg!(windows) => assert_eq!(told.len(), 1),
+            Provider::CoreMl if !cfg!(target_os = "macos") => assert_eq!(told.len(), 1),
+            _ => assert!(told.len() <= 1, "{told:?}"),
+        }
+    }
 }

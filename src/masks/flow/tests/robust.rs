@@ -3,9 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::masks::Region;
-use crate::masks::flow::merge::merged;
-use crate::masks::flow::walk::WalkedFrame;
+use crate::masks::{Region, WalkedFrame, merged};
 
 /// The masks with the warnings.
 fn told(request: &TrackRequest) -> (BTreeMap<usize, TrackedFrame>, Vec<String>) {

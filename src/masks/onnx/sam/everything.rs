@@ -4,7 +4,7 @@ use super::decoder::Answer;
 use super::frame::SamFrame;
 use crate::engine::job::Progress;
 use crate::masks::onnx::boxes::without_doubles;
-use crate::masks::{Click, MaskError, PxBox, Region};
+use crate::masks::{Click, MaskError, Proposal, PxBox, Region};
 
 /// Settings of [`SamFrame::everything`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,19 +25,6 @@ impl Default for EverythingOptions {
     fn default() -> Self {
         Self { points_per_side: 16, least_score: 0.88, least_stability: 0.95, offset: 1.0, most_overlap: 0.7 }
     }
-}
-
-/// A thing that nobody asked for.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Proposal {
-    /// Its pixels.
-    pub region: Region,
-    /// Box around them.
-    pub extent: PxBox,
-    /// Predicted IoU.
-    pub score: f32,
-    /// Share that stays when the threshold rises, 0–1.
-    pub stability: f32,
 }
 
 impl SamFrame {

@@ -4,11 +4,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::decoder::{Answer, Decoder, PointKind, Question};
 use super::embedding::Embedding;
 use super::enlarge::enlarged;
+use super::everything::EverythingOptions;
 use super::network::told;
 use super::objects::Objects;
 use super::part::Part;
+use crate::engine::job::Progress;
 use crate::engine::nn::Tensor;
-use crate::masks::{Click, MaskError, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
+use crate::masks::{Click, MaskError, PreparedFrame, Prompt, Proposal, PxBox, Region, SegmentRequest};
 
 /// A picture, or a part of one, that answers prompts by runs of the decoder alone.
 #[derive(Debug)]
@@ -191,7 +193,7 @@ impl SamFrame {
 }
 
 impl PreparedFrame for SamFrame {
-    fn segment(&self, request: &SegmentRequest<'_>) -> Result<Region, MaskError> {
+    fn segment(&self, request: &SegmentRequest<'_>, _progress: &Progress) -> Result<Region, MaskError> {
         self.check(request)?;
         let SegmentRequest { prompt, previous, taken } = *request;
         let mut region = self.found(prompt, previous, taken)?;
@@ -202,10 +204,19 @@ impl PreparedFrame for SamFrame {
         Ok(region)
     }
 
-    fn bytes(&self) -> usize {
-        let answers = KNOWN * self.fine() * self.fine();
-        (self.embedding.as_floats().len() + answers) * size_of::<f32>()
+    fn proposals(&self, progress: &Progress) -> Result<Option<Vec<Proposal>>, MaskError> {
+        self.everything(&EverythingOptions::default(), progress).map(Some)
     }
+
+    fn bytes(&self) -> usize {
+        bytes_of(&self.decoder)
+    }
+}
+
+/// Bytes that a frame of this decoder holds.
+pub(super) fn bytes_of(decoder: &Decoder) -> usize {
+    let (channels, cells) = decoder.embedding();
+    (channels * cells * cells + KNOWN * decoder.fine() * decoder.fine()) * size_of::<f32>()
 }
 
 /// Of several masks the first is for clear questions, the others for ambiguous ones; a network that gives one chose.
@@ -219,7 +230,7 @@ fn chosen(mut answers: Vec<Answer>, is_ambiguous: bool) -> Result<Answer, MaskEr
 }
 
 /// What was clicked is as the click says, whatever the network thinks: the pixel and those that touch it.
-fn hold(region: &mut Region, click: &Click) {
+pub(super) fn hold(region: &mut Region, click: &Click) {
     let (x, y) = (click.at_px.x as u32, click.at_px.y as u32);
     for y in y.saturating_sub(1)..=(y + 1).min(region.height - 1) {
         for x in x.saturating_sub(1)..=(x + 1).min(region.width - 1) {

@@ -4,6 +4,7 @@
 //!
 //! May use: engine::nn, engine::job, frames, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
+mod close_ups;
 mod decoder;
 mod embedding;
 mod enlarge;
@@ -16,8 +17,9 @@ mod part;
 #[cfg(test)]
 mod tests;
 
+pub use close_ups::CloseUps;
 pub use embedding::Embedding;
-pub use everything::{EverythingOptions, Proposal};
+pub use everything::EverythingOptions;
 pub use frame::SamFrame;
 pub use network::Sam;
 pub use part::Part;

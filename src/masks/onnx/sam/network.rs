@@ -5,13 +5,13 @@ use rayon::prelude::*;
 
 use super::decoder::Decoder;
 use super::embedding::Embedding;
-use super::frame::SamFrame;
+use super::frame::{SamFrame, bytes_of};
 use super::part::Part;
 use crate::engine::job::{Progress, Stopped};
 use crate::engine::nn::{Network, NnError, Signature, Tensor, load};
 use crate::frames::{DepthMap, Image};
 use crate::masks::onnx::resize::resized;
-use crate::masks::{MaskError, PreparedFrame, Prompt, Segmenter};
+use crate::masks::{MaskError, PreparedFrame, Segmenter};
 
 /// Segment Anything in two networks: one embeds a picture (seconds), one answers prompts (a tenth of a second).
 #[derive(Debug)]
@@ -54,6 +54,12 @@ impl Sam {
         Ok(Self { encoder, decoder: Arc::new(decoder) })
     }
 
+    /// The file of the network that embeds.
+    #[must_use]
+    pub fn encoder(&self) -> &Path {
+        self.encoder.path()
+    }
+
     /// Pixels along each side of the square that the encoder sees; larger pictures are shrunk to it.
     #[must_use]
     pub fn side(&self) -> usize {
@@ -88,14 +94,9 @@ impl Sam {
         Ok(Embedding { width, height, part, channels, cells, values: embedding.as_floats().to_vec() })
     }
 
-    /// A frame that sees the surroundings of a prompt only, finer than the whole picture shows them: for stems and wires.
-    /// It costs a run of the encoder. `None` where it would show no more than the whole picture does.
-    ///
-    /// # Errors
-    /// As [`Self::embed`].
-    pub fn close_up(&self, image: &Image, prompt: &Prompt, progress: &Progress) -> Result<Option<SamFrame>, MaskError> {
-        let part = Part::around(prompt, image.width, image.height, self.side());
-        part.map(|part| self.frame(&self.embed(image, part, progress)?)).transpose()
+    /// Bytes that a frame of these networks holds.
+    pub(super) fn bytes_of_frame(&self) -> usize {
+        bytes_of(&self.decoder)
     }
 
     /// A frame that answers prompts, from an embedding that these networks made.

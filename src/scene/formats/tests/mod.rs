@@ -1,5 +1,6 @@
 //! What was written, read again from its bytes.
 
+mod clouds;
 mod glb;
 mod meshes;
 mod npz;

@@ -1,5 +1,6 @@
 use glam::{DVec3, Vec3};
 
+use super::super::bricks::build_bricks;
 use super::super::part::{Assembly, Part};
 use super::super::tiller::build_tiller;
 use super::*;
@@ -157,18 +158,39 @@ fn trees_have_the_promised_classes() {
         at_class.map(|label| label.name.clone()).collect::<Vec<_>>()
     };
     assert_eq!(classes(SceneKind::Tiller), ["stem", "leaf", "panicle"]);
-    assert_eq!(classes(SceneKind::Bricks), ["brick", "vase", "ball", "box"]);
+    assert_eq!(classes(SceneKind::Bricks), ["car", "wheel", "figure"]);
 }
 
 #[test]
-fn bricks_are_seen_whole() {
+fn every_class_instance_and_part_of_the_bricks_is_seen() {
     let scene = built(&SceneOptions { scene: SceneKind::Bricks, ..small(7) });
-    let mut seen = std::collections::BTreeSet::new();
+    let (tree, mut seen) = (scene.tree(), std::collections::BTreeMap::<LabelId, usize>::new());
     for view in scene.views() {
         let rendered = scene.render(view);
-        seen.extend(rendered.mask.ids.iter().copied());
+        let shown: std::collections::BTreeSet<LabelId> =
+            rendered.mask.ids.iter().flat_map(|&id| tree.path(id)).collect();
+        shown.into_iter().for_each(|id| *seen.entry(id).or_default() += 1);
         assert!(rendered.depth.depths.iter().all(|&depth| depth > 0.0), "there is a surface behind every pixel");
     }
-    let parts = scene.tree().iter().filter(|label| label.name != "still life" && label.name != "brick");
-    assert!(parts.into_iter().all(|label| seen.contains(&label.id)));
+    for label in tree.iter() {
+        assert!(seen.get(&label.id).is_some_and(|&views| views >= 2), "{} is hidden", label.name);
+    }
+    let wheel = tree.by_name("wheel").unwrap().id;
+    assert_eq!(tree.children(Some(wheel)).count(), 6);
+    assert_eq!(tree.iter().map(|label| tree.depth(label.id)).max(), Some(4), "class, instance and part");
+}
+
+#[test]
+fn bricks_stand_on_the_table_and_wheels_lie_apart() {
+    let assembly = build_bricks(3);
+    let wheels: Vec<&Part> = (1..=6).flat_map(|k| parts(&assembly, &format!("wheel {k}"))).collect();
+    assert_eq!(wheels.len(), 6);
+    for (k, wheel) in wheels.iter().enumerate() {
+        let lowest = wheel.mesh.positions.iter().map(|x| x.z).fold(f64::MAX, f64::min);
+        assert!((0.0..1e-3).contains(&(lowest + 1e-9)), "{lowest}");
+        for other in &wheels[..k] {
+            let gaps = wheel.mesh.positions.iter().flat_map(|a| other.mesh.positions.iter().map(|b| a.distance(*b)));
+            assert!(gaps.fold(f64::MAX, f64::min) > 0.02);
+        }
+    }
 }

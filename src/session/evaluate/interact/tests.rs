@@ -65,7 +65,7 @@ impl Segmenter for ByColor {
 }
 
 impl PreparedFrame for Colors {
-    fn segment(&self, request: &SegmentRequest<'_>) -> Result<Region, MaskError> {
+    fn segment(&self, request: &SegmentRequest<'_>, _: &Progress) -> Result<Region, MaskError> {
         let (width, height) = (self.image.width, self.image.height);
         let click = request.prompt.clicks.last().unwrap();
         let at = click.pixel_in(width, height).unwrap();

@@ -160,7 +160,7 @@ impl<'a> RobotUser<'a> {
         let request = PromptRequest { frame, label, prompt: prompt.clone(), segmenter };
         let of = self.project.frame(frame)?;
         let ready = self.prepared.get(self.segmenter, of, &self.sequence.store, self.progress)?;
-        let region = answer(ready.as_ref(), &self.project, &request)?;
+        let region = answer(ready.as_ref(), &self.project, &request, self.progress)?;
         let mask = with_answer(&self.project, &request, &region)?;
         self.project.apply(Edit::SetPrompt { frame, label, prompt: Some(prompt) })?;
         self.project.apply(Edit::SetMask { frame, mask: Some(anchor(&mask)) })?;

@@ -61,7 +61,7 @@ fn parts_and_prompts_outside_the_picture_are_refused() {
     let outside = Click { at_px: glam::DVec2::new(40.0, 3.0), include: true };
     for prompt in [Prompt::default(), Prompt { clicks: vec![outside], boxes: Vec::new() }] {
         let request = SegmentRequest { prompt: &prompt, previous: None, taken: None };
-        assert!(matches!(frame.segment(&request), Err(MaskError::Request(_))));
+        assert!(matches!(frame.segment(&request, &Progress::default()), Err(MaskError::Request(_))));
     }
     let stopped = Progress::default();
     stopped.stop();

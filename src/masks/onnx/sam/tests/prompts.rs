@@ -1,8 +1,10 @@
 //! What the networks are asked, with networks that see flat colours (`tests/parity/flat.py`).
 
+use std::sync::Arc;
+
 use glam::DVec2;
 
-use super::super::{EverythingOptions, Part, Sam, SamFrame};
+use super::super::{CloseUps, EverythingOptions, Part, Sam, SamFrame};
 use super::flat;
 use crate::engine::job::Progress;
 use crate::frames::Image;
@@ -58,7 +60,7 @@ fn whole() -> Option<SamFrame> {
 
 fn answer(frame: &SamFrame, clicks: &[Click], boxes: &[PxBox], previous: Option<&Region>) -> Region {
     let prompt = Prompt { clicks: clicks.to_vec(), boxes: boxes.to_vec() };
-    frame.segment(&SegmentRequest { prompt: &prompt, previous, taken: None }).unwrap()
+    frame.segment(&SegmentRequest { prompt: &prompt, previous, taken: None }, &Progress::default()).unwrap()
 }
 
 /// The masks' edges are those of cells of four pixels.
@@ -146,7 +148,9 @@ fn clicked_pixels_obey_and_those_of_others_are_left() {
     let Some(frame) = whole() else { return };
     let prompt = Prompt { clicks: vec![IN_RED, click(40.5, 40.5, false)], boxes: Vec::new() };
     let taken = thing([60, 32, 80, 96]);
-    let found = frame.segment(&SegmentRequest { prompt: &prompt, previous: None, taken: Some(&taken) }).unwrap();
+    let found = frame
+        .segment(&SegmentRequest { prompt: &prompt, previous: None, taken: Some(&taken) }, &Progress::default())
+        .unwrap();
     assert!(found.at(50, 60) && !found.at(40, 40), "both lie on one colour");
     assert!(!found.at(70, 60));
 }
@@ -162,7 +166,9 @@ fn close_up_shows_its_part_only() {
     let found = answer(&close, &[IN_RED], &[], None);
     assert!(found.iou(&thing(RED)) > 0.96, "twice as fine: {}", found.iou(&thing(RED)));
     let prompt = Prompt { clicks: vec![IN_GREEN], boxes: Vec::new() };
-    let error = close.segment(&SegmentRequest { prompt: &prompt, previous: None, taken: None }).unwrap_err();
+    let error = close
+        .segment(&SegmentRequest { prompt: &prompt, previous: None, taken: None }, &Progress::default())
+        .unwrap_err();
     assert!(error.to_string().contains("128×128 pixels from 16, 16"), "{error}");
     let box_beyond = answer(&close, &[], &[PxBox { min_px: DVec2::ZERO, max_px: DVec2::new(100.0, 112.0) }], None);
     assert!(alike(&box_beyond, &thing(RED)), "of a box only what is seen is told: {}", box_beyond.iou(&thing(RED)));
@@ -172,12 +178,38 @@ fn close_up_shows_its_part_only() {
     let mut expected = thing(RED);
     expected.unite(&thing([0, 60, 32, 70]));
     assert!(refined.at(2, 62) && alike(&refined, &expected), "{}", refined.iou(&expected));
-    let asked = Prompt { clicks: vec![IN_RED], boxes: Vec::new() };
-    let close = sam.close_up(&picture(), &asked, &Progress::default()).unwrap().unwrap();
-    assert_eq!(close.part(), Part { x: 19, y: 29, width: 64, height: 64 });
     let far = PxBox { min_px: DVec2::ZERO, max_px: DVec2::new(250.0, 20.0) };
     assert_eq!(Part::around(&Prompt { clicks: Vec::new(), boxes: vec![far] }, WIDTH, HEIGHT, 256), None);
     assert_eq!(Part::around(&Prompt::default(), WIDTH, HEIGHT, 256), None);
+}
+
+#[test]
+fn close_ups_are_looked_at_once_for_all_that_lies_in_them() {
+    let Some(sam) = flat() else { return };
+    let close = CloseUps::new(Arc::new(sam), Arc::new(picture()));
+    let answer = |clicks: &[Click], previous: Option<&Region>| {
+        let prompt = Prompt { clicks: clicks.to_vec(), boxes: Vec::new() };
+        let request = SegmentRequest { prompt: &prompt, previous, taken: None };
+        close.segment(&request, &Progress::default())
+    };
+    let red = answer(&[IN_RED], None).unwrap();
+    let close_by = |region: &Region| region.inside.iter().filter(|&&inside| inside).count();
+    assert!(close_by(&red) > 0 && thing(RED).inside.iter().zip(&red.inside).all(|(thing, found)| *thing || !found));
+    let stopped = Progress::default();
+    stopped.stop();
+    let prompt = |clicks: Vec<Click>| Prompt { clicks, boxes: Vec::new() };
+    let asked = |prompt: &Prompt| {
+        close.segment(&SegmentRequest { prompt, previous: None, taken: None }, &stopped).map(|region| close_by(&region))
+    };
+    assert_eq!(asked(&prompt(vec![IN_RED])).unwrap(), close_by(&red), "it is known: nothing is left to stop");
+    assert!(asked(&prompt(vec![IN_GREEN])).is_err(), "a place that was not looked at yet can be stopped");
+    // What is excluded far away is not looked at, and stays outside of what was painted there.
+    let painted = thing(GREEN);
+    let far = Click { include: false, ..IN_GREEN };
+    let both = answer(&[far, IN_RED], Some(&painted)).unwrap();
+    assert!(!both.at(far.at_px.x as u32, far.at_px.y as u32));
+    let newest = answer(&[IN_RED, far], Some(&painted)).unwrap();
+    assert!(!newest.at(far.at_px.x as u32, far.at_px.y as u32), "the newest click is looked at, wherever it is");
 }
 
 #[test]

@@ -1,17 +1,26 @@
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::walk::WalkedFrame;
-use crate::masks::{LabelId, LabelMask, Region, squared_depth_in, squared_distance_to};
+use super::{LabelId, LabelMask, Region, squared_depth_in, squared_distance_to};
 
-/// Distances from an outline count up to this, in pixels of the working size.
+/// Distances from an outline count up to this, in pixels.
 const MOST_PX: f32 = 24.0;
 /// Least confidence and nearness that count.
 const LEAST: f32 = 1e-3;
 
+/// What a walk from an anchor, frame after frame, says of a frame.
+#[derive(Debug, Clone)]
+pub struct WalkedFrame {
+    /// Its mask.
+    pub mask: LabelMask,
+    /// Of every label that the walk knows, how sure it is, 0–1.
+    pub confidence: BTreeMap<LabelId, f32>,
+}
+
 /// One mask out of two walks that met on a frame: between their outlines, nearer to the one that is surer and whose
 /// anchor is nearer (shapes as signed distances: Raya, Udupa, "Shape-based interpolation of multidimensional objects",
 /// IEEE Transactions on Medical Imaging, 1990). `nearness` of the first, 0–1, grows towards its anchor.
-pub(super) fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> WalkedFrame {
+#[must_use]
+pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> WalkedFrame {
     let labels: BTreeSet<LabelId> = first.confidence.keys().chain(second.confidence.keys()).copied().collect();
     let (width, height) = (first.mask.width, first.mask.height);
     let mut mask = LabelMask::empty(width, height);
@@ -26,7 +35,7 @@ pub(super) fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -
         };
         let ((sure_a, wa), (sure_b, wb)) = (of(first, nearness), of(second, 1.0 - nearness));
         let share = wa / (wa + wb);
-        let (da, db) = (signed_distances(&a), signed_distances(&b));
+        let (da, db) = rayon::join(|| signed_distances(&a), || signed_distances(&b));
         for (at, (da, db)) in da.iter().zip(&db).enumerate() {
             let distance = share * da + (1.0 - share) * db;
             if distance > best[at] {

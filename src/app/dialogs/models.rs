@@ -1,0 +1,162 @@
+use std::path::PathBuf;
+
+use egui::{Button, ComboBox, ProgressBar, ScrollArea, Ui};
+
+use super::picker::{Pick, PickTarget, path_field_ui};
+use crate::app::panels::progress_text;
+use crate::app::tips::modal;
+use crate::app::view_state::typed_path;
+use crate::app::{Look, ViewState};
+use crate::session::{Command, JobView, ModelRequest, ModelTask, Provider, Row};
+
+/// The network that files are being named for.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct ModelsForm {
+    adding: Option<String>,
+    pub(super) path: String,
+}
+
+/// All networks that are known: what they are for, whether they are there, and how to get them.
+pub(in crate::app) fn models_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    let response = modal(ui, "models", 760.0, |ui| {
+        ui.horizontal(|ui| {
+            ui.heading("Networks");
+            ui.weak("Each makes one step better");
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                if ui.button("Close").on_hover_text("Closes the list (Esc); downloads go on").clicked() {
+                    view.dialog = None;
+                }
+                provider_ui(ui, view);
+            });
+        });
+        ui.add_space(6.0);
+        let height = (ui.ctx().content_rect().height() - 150.0).max(200.0);
+        ScrollArea::vertical().max_height(height).min_scrolled_height(height).auto_shrink([false, true]).show(
+            ui,
+            |ui| {
+                for row in look.models {
+                    ui.separator();
+                    row_ui(ui, look, view, row, out);
+                }
+            },
+        );
+    });
+    if response.should_close() {
+        view.dialog = None;
+    }
+}
+
+/// Chooses what networks run on.
+fn provider_ui(ui: &mut Ui, view: &mut ViewState) {
+    let chosen = Provider::chosen();
+    let tip = "What networks run on that are loaded from now on; where it does not start, the processor does it";
+    let choice = ComboBox::from_id_salt("provider").selected_text(text(chosen)).width(110.0).show_ui(ui, |ui| {
+        for provider in Provider::ALL {
+            if ui.selectable_label(provider == chosen, text(provider)).clicked() {
+                provider.choose();
+                view.prefs.provider = provider;
+            }
+        }
+    });
+    choice.response.on_hover_text(tip).accessible_name("Run networks on");
+    ui.label("Run on");
+}
+
+fn text(provider: Provider) -> &'static str {
+    match provider {
+        Provider::Cpu => "Processor",
+        Provider::Cuda => "CUDA",
+        Provider::TensorRt => "TensorRT",
+        Provider::CoreMl => "CoreML",
+        Provider::DirectMl => "DirectML",
+    }
+}
+
+fn row_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, row: &Row, out: &mut Vec<Command>) {
+    ui.horizontal(|ui| {
+        let name = ui.strong(&row.name).rect.width();
+        ui.add_space((130.0 - name).max(0.0));
+        state_ui(ui, row);
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let job = job_of(look, &row.name);
+            match job {
+                Some(job) => running_ui(ui, job),
+                None => buttons_ui(ui, view, row, out),
+            }
+        });
+    });
+    ui.weak(format!("{}. Licence: {}", row.purpose, row.licence));
+    if view.models.adding.as_ref() == Some(&row.name) {
+        adding_ui(ui, view, row, out);
+    }
+}
+
+/// Where it lies and how large it is.
+fn state_ui(ui: &mut Ui, row: &Row) {
+    let Some(installed) = &row.installed else {
+        ui.weak("not installed").on_hover_text(format!("It comes from {}", row.source));
+        return;
+    };
+    let paths: Vec<String> = installed.paths.iter().map(|path| path.display().to_string()).collect();
+    ui.label(format!("installed, {:.1} MB", installed.bytes as f64 / 1e6)).on_hover_text(paths.join("\n"));
+}
+
+fn buttons_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command>) {
+    let name = &row.name;
+    let mut ask = |task| out.push(Command::Model(ModelRequest { name: name.clone(), task }));
+    let add = ui.button("Add…").on_hover_text(format!("Takes it from files: {}", row.files.join(", ")));
+    if add.accessible_name(format!("Add {name}")).clicked() {
+        view.models.adding = if view.models.adding.as_ref() == Some(name) { None } else { Some(name.clone()) };
+        view.models.path.clear();
+    }
+    if row.installed.is_some() {
+        let check = ui.button("Check").on_hover_text("Loads it and holds it against what is expected");
+        if check.accessible_name(format!("Check {name}")).clicked() {
+            ask(ModelTask::Check);
+        }
+    } else {
+        let tip = format!("Gets it from the net, under the licence {}", row.licence);
+        let install = ui.add_enabled(row.has_address, Button::new("Install")).on_hover_text(tip);
+        let install = install.on_disabled_hover_text(format!("Has no address to be fetched from; see {}", row.source));
+        if install.accessible_name(format!("Install {name}")).clicked() {
+            ask(ModelTask::Install);
+        }
+    }
+}
+
+fn running_ui(ui: &mut Ui, job: &JobView) {
+    let share = job.report.done as f32 / job.report.total.max(1) as f32;
+    let bar = ProgressBar::new(share).desired_width(110.0).desired_height(6.0).animate(job.report.total == 0);
+    ui.add(bar).accessible_name(format!("Progress of {}", job.title));
+    ui.weak(progress_text(job));
+}
+
+/// Asks for the files of a network, or the folder that holds them.
+fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command>) {
+    let (hint, pick) = match row.files.as_slice() {
+        [_] => ("its file", Pick::File),
+        _ => ("folder that holds them", Pick::Folder),
+    };
+    ui.weak(format!("From {}", row.source));
+    ui.weak(format!("Files: {}", row.files.join(", ")));
+    ui.horizontal(|ui| {
+        let form = &mut view.models;
+        path_field_ui(ui, &mut view.picker, ("Network files", hint), &mut form.path, (pick, PickTarget::Network));
+        let path = typed_path(&form.path);
+        let add = ui.add_enabled(path.is_some(), Button::new("Take")).on_hover_text("Checks the files and copies them");
+        if let Some(path) = path.filter(|_| add.clicked()) {
+            let task = ModelTask::Add(vec![path]);
+            out.push(Command::Model(ModelRequest { name: row.name.clone(), task }));
+            view.models = ModelsForm::default();
+        }
+    });
+}
+
+/// What is being done with a network.
+fn job_of<'a>(look: &Look<'a>, name: &str) -> Option<&'a JobView> {
+    let tasks = [ModelTask::Install, ModelTask::Add(Vec::<PathBuf>::new()), ModelTask::Check];
+    tasks.into_iter().find_map(|task| {
+        let title = ModelRequest { name: name.to_owned(), task }.title();
+        look.jobs.iter().find(|job| job.title == title)
+    })
+}

@@ -1,0 +1,228 @@
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use egui::{Button, ComboBox, DragValue, Grid, RichText, ScrollArea, Ui};
+
+use super::labels::listed;
+use super::measure_columns::{COLUMNS, Column};
+use crate::app::view_state::PathWish;
+use crate::app::{Dialog, Look, ViewState};
+use crate::masks::{Label, LabelId, LabelTree};
+use crate::scene::measure::{GroundChoice, LengthUnit, TraitRow};
+use crate::session::MeasureWish;
+
+/// What the window of measures shows.
+#[derive(Debug, Clone, Default)]
+pub struct MeasureView {
+    /// Whether it is open.
+    pub open: bool,
+    /// What is measured.
+    pub wish: MeasureWish,
+    /// The unit chosen; none = that of the scene.
+    pub unit: Option<LengthUnit>,
+    /// Column that rows are sorted by, largest first when the second is set; none = order of the tree.
+    sorted: Option<(usize, bool)>,
+    table: Table,
+}
+
+/// Which row of the traits tells what of which label, found once for each measurement.
+#[derive(Debug, Clone, Default)]
+struct Table {
+    rows: Option<Arc<Vec<TraitRow>>>,
+    places: BTreeMap<(LabelId, &'static str), usize>,
+}
+
+impl Table {
+    /// The trait of the label as a whole, else of its largest piece.
+    fn follow(&mut self, rows: &Arc<Vec<TraitRow>>) {
+        if self.rows.as_ref().is_some_and(|known| Arc::ptr_eq(known, rows)) {
+            return;
+        }
+        self.places.clear();
+        for (place, row) in rows.iter().enumerate().filter(|(_, row)| row.instance <= 1) {
+            self.places.entry((row.id, row.name)).or_insert(place);
+        }
+        self.rows = Some(Arc::clone(rows));
+    }
+
+    fn find(&self, id: LabelId, name: &'static str) -> Option<&TraitRow> {
+        self.rows.as_ref()?.get(*self.places.get(&(id, name))?)
+    }
+
+    /// What a column tells of a label.
+    fn cell(&self, id: LabelId, column: &Column) -> Vec<&TraitRow> {
+        let found = column.traits.iter().filter_map(|name| self.find(id, name));
+        found.take(if column.joined { column.traits.len() } else { 1 }).collect()
+    }
+
+    fn pieces(&self, id: LabelId) -> usize {
+        self.find(id, "instances").map_or(0, |row| row.value as usize)
+    }
+}
+
+/// A window with what was measured of each label.
+pub(in crate::app) fn measures_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState) {
+    let mut open = view.measures.open;
+    let window = egui::Window::new("Measures").open(&mut open).default_size([900.0, 360.0]).resizable(true);
+    window.default_pos(ui.ctx().content_rect().left_top() + egui::vec2(250.0, 60.0)).show(ui.ctx(), |ui| {
+        let Some(cloud) = look.cloud else {
+            ui.label("The measures of each label are shown here once there is a cloud: fuse first.");
+            return;
+        };
+        let tree = if look.root.is_some() { &look.project.labels } else { &cloud.tree };
+        settings_ui(ui, look, view, tree);
+        ui.separator();
+        match look.traits {
+            Some(rows) => {
+                view.measures.table.follow(rows);
+                table_ui(ui, look, view, tree);
+            }
+            None if look.running("Measure").is_some() => {
+                ui.horizontal(|ui| {
+                    ui.spinner();
+                    ui.label("Measuring…");
+                });
+            }
+            None => {
+                // The job begins with the next picture of the window.
+                ui.ctx().request_repaint_after_secs(0.2);
+                ui.label("Nothing could be measured.");
+            }
+        }
+    });
+    view.measures.open = open;
+}
+
+fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, tree: &LabelTree) {
+    ui.horizontal(|ui| {
+        ui.label("Label level");
+        let mut level = view.measures.wish.level.unwrap_or(0);
+        let drag = DragValue::new(&mut level).range(0..=16).speed(0.05);
+        let drag = drag.custom_formatter(|n, _| if n < 1.0 { "all".into() } else { format!("{n:.0}") });
+        let tip = "Measures only labels at this depth, with all below them; 1 = top";
+        ui.add(drag).on_hover_text(tip).accessible_name("Measured level");
+        view.measures.wish.level = (level > 0).then_some(level);
+        ui.add_space(8.0);
+        ground_ui(ui, &mut view.measures.wish.ground, tree);
+        ui.add_space(8.0);
+        unit_ui(ui, &mut view.measures.unit, look.unit);
+        ui.add_space(8.0);
+        let button = ui.add_enabled(look.traits.is_some(), Button::new("Export CSV…"));
+        if button.on_hover_text("Writes these measures, those of every piece too").clicked() {
+            view.path_text.clear();
+            view.dialog = Some(Dialog::Path(PathWish::SaveTraits));
+        }
+    });
+}
+
+fn ground_ui(ui: &mut Ui, ground: &mut GroundChoice, tree: &LabelTree) {
+    let name = |id| tree.get(id).map_or("fitted", |label| label.name.as_str());
+    let text = match *ground {
+        GroundChoice::Fitted => "fitted",
+        GroundChoice::Label(id) => name(id),
+        GroundChoice::Plane { .. } => "given",
+    };
+    ui.label("Heights above");
+    let choice = ComboBox::from_id_salt("ground").selected_text(text).width(110.0).show_ui(ui, |ui| {
+        ui.selectable_value(ground, GroundChoice::Fitted, "fitted");
+        for label in tree.iter() {
+            ui.selectable_value(ground, GroundChoice::Label(label.id), &label.name);
+        }
+    });
+    let tip =
+        "The plane that labelled points stand on, fitted to points without a label, or to a label: a table, the soil";
+    choice.response.on_hover_text(tip).accessible_name("Ground");
+}
+
+fn unit_ui(ui: &mut Ui, chosen: &mut Option<LengthUnit>, of_scene: LengthUnit) {
+    let mut unit = chosen.unwrap_or(of_scene);
+    let choice = ComboBox::from_id_salt("unit").selected_text(unit.sign()).width(60.0).show_ui(ui, |ui| {
+        for other in LengthUnit::METRIC.into_iter().chain([LengthUnit::World]) {
+            ui.selectable_value(&mut unit, other, other.sign());
+        }
+    });
+    let tip = "The unit of lengths; 'units' are those of a scene whose scale nobody told";
+    choice.response.on_hover_text(tip).accessible_name("Unit");
+    *chosen = (unit != of_scene).then_some(unit);
+}
+
+fn table_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, tree: &LabelTree) {
+    let table = std::mem::take(&mut view.measures.table);
+    let mut rows: Vec<(Label, usize)> = listed(tree);
+    rows.retain(|(label, _)| table.find(label.id, "points").is_some());
+    sort(&mut rows, &table, view.measures.sorted);
+    ScrollArea::both().auto_shrink([false, false]).show(ui, |ui| {
+        Grid::new("measures").striped(true).spacing([14.0, 4.0]).show(ui, |ui| {
+            header_ui(ui, &mut view.measures.sorted);
+            for (label, depth) in &rows {
+                name_ui(ui, view, label, *depth);
+                let unit = view.measures.unit.unwrap_or(look.unit);
+                for column in &COLUMNS {
+                    cell_ui(ui, &table, label, column, unit);
+                }
+                ui.end_row();
+            }
+        });
+    });
+    view.measures.table = table;
+}
+
+/// By the first value of a column; labels without one come last.
+fn sort(rows: &mut [(Label, usize)], table: &Table, sorted: Option<(usize, bool)>) {
+    let Some((column, largest_first)) = sorted else { return };
+    let value = |label: &Label| table.cell(label.id, &COLUMNS[column]).first().map(|row| row.value);
+    rows.sort_by(|(a, _), (b, _)| match (value(a), value(b)) {
+        (Some(a), Some(b)) if largest_first => b.total_cmp(&a),
+        (Some(a), Some(b)) => a.total_cmp(&b),
+        (a, b) => b.is_some().cmp(&a.is_some()),
+    });
+}
+
+fn header_ui(ui: &mut Ui, sorted: &mut Option<(usize, bool)>) {
+    let button = ui.button(RichText::new("Label").strong()).on_hover_text("Rows in the order of the tree");
+    if button.accessible_name("Order of the tree").clicked() {
+        *sorted = None;
+    }
+    for (number, column) in COLUMNS.iter().enumerate() {
+        let order = match *sorted {
+            Some((at, true)) if at == number => "the largest first",
+            Some((at, false)) if at == number => "the smallest first",
+            _ => "click to sort by it",
+        };
+        let is_sorted = sorted.is_some_and(|(at, _)| at == number);
+        let button = ui.add(Button::selectable(is_sorted, RichText::new(column.title).strong()));
+        let button = button.on_hover_text(format!("{}; {order}", column.tip));
+        if button.accessible_name(format!("Sort by {}", column.title)).clicked() {
+            *sorted = Some((number, *sorted != Some((number, true))));
+        }
+    }
+    ui.end_row();
+}
+
+fn name_ui(ui: &mut Ui, view: &mut ViewState, label: &Label, depth: usize) {
+    ui.horizontal(|ui| {
+        ui.add_space(depth as f32 * 12.0);
+        let row = ui.selectable_label(view.label == Some(label.id), &label.name);
+        if row.on_hover_text("Chooses the label").accessible_name(format!("Measured {}", label.name)).clicked() {
+            view.label = Some(label.id);
+        }
+    });
+}
+
+fn cell_ui(ui: &mut Ui, table: &Table, label: &Label, column: &Column, unit: LengthUnit) {
+    let cell = table.cell(label.id, column);
+    let Some(first) = cell.first() else {
+        ui.weak("–").on_hover_text("Cannot be told of this label");
+        return;
+    };
+    let text = match cell.len() {
+        1 => unit.text(first.value, first.dimension),
+        _ => cell.iter().map(|row| unit.text(row.value, row.dimension)).collect::<Vec<_>>().join(" × "),
+    };
+    let of = match table.pieces(label.id) {
+        pieces if first.instance > 0 && pieces > 1 => format!("\nOf the largest of {pieces} pieces"),
+        _ => String::new(),
+    };
+    let tip = format!("{} = {}\nFrom {} points{of}", first.name, first.definition, first.points);
+    ui.label(text).on_hover_text(tip);
+}

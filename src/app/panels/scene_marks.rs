@@ -1,0 +1,120 @@
+use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Stroke, Ui, Vec2};
+use glam::Vec3;
+
+use crate::app::ViewState;
+use crate::view::{Coloring, ViewCamera, ramp};
+
+/// Longest scale bar in screen points.
+const BAR: f32 = 140.0;
+/// Length of the gizmo's axes in screen points.
+const AXIS: f32 = 26.0;
+
+/// Scale bar, directions of the axes and the legend of the colours over the 3-D view; `depth` is the target's.
+pub(super) fn marks(ui: &Ui, rect: Rect, view: &ViewState, camera: &ViewCamera, depth: f32, range: Option<[f32; 2]>) {
+    let painter = ui.painter_at(rect);
+    let ink = ink_on(view.prefs.scene.background.unwrap_or_else(|| {
+        let fill = ui.visuals().extreme_bg_color;
+        [fill.r(), fill.g(), fill.b()]
+    }));
+    if view.prefs.scene.scale_bar {
+        let points_per_unit = camera.px_per_unit(depth) * rect.width() / camera.width.max(1) as f32;
+        scale_bar(&painter, rect.center_bottom() + Vec2::new(0.0, -22.0), points_per_unit, ink);
+    }
+    if view.prefs.scene.axes {
+        axes(&painter, rect.right_bottom() + Vec2::new(-46.0, -46.0), camera, ink);
+    }
+    if let Some(ends) = legend_ends(view.coloring, range) {
+        legend(&painter, rect.left_bottom() + Vec2::new(12.0, -34.0), ends, ink);
+    }
+}
+
+/// Dark on light and light on dark.
+fn ink_on([r, g, b]: [u8; 3]) -> Color32 {
+    let light = 0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b);
+    Color32::from_gray(if light > 127.0 { 30 } else { 225 })
+}
+
+fn scale_bar(painter: &Painter, middle: Pos2, points_per_unit: f32, ink: Color32) {
+    let Some(length) = round_length(BAR / points_per_unit) else { return };
+    let half = Vec2::new(length * points_per_unit / 2.0, 0.0);
+    let stroke = Stroke::new(1.5, ink);
+    painter.line_segment([middle - half, middle + half], stroke);
+    for end in [middle - half, middle + half] {
+        painter.line_segment([end - Vec2::new(0.0, 4.0), end + Vec2::new(0.0, 4.0)], stroke);
+    }
+    let text = if !(1e-4..1e5).contains(&length) { format!("{length:e} units") } else { format!("{length} units") };
+    painter.text(middle - Vec2::new(0.0, 5.0), Align2::CENTER_BOTTOM, text, FontId::proportional(12.0), ink);
+}
+
+/// The largest of 1, 2 and 5 times a power of ten that is not above `most`.
+fn round_length(most: f32) -> Option<f32> {
+    let decade = 10_f64.powf(f64::from(most).log10().floor());
+    let length = [5.0, 2.0, 1.0]
+        .into_iter()
+        .map(|digit| digit * decade)
+        .find(|&length| length <= f64::from(most) * 1.000_001)?;
+    (length.is_finite() && length > 0.0).then_some(length as f32)
+}
+
+/// The world's axes as they lie in the view, the farthest drawn first.
+fn axes(painter: &Painter, middle: Pos2, camera: &ViewCamera, ink: Color32) {
+    let axis = |axis: Vec3, name: &'static str, color| (camera.camera_from_world.transform_vector3(axis), name, color);
+    let mut all = [
+        axis(Vec3::X, "X", Color32::from_rgb(226, 72, 72)),
+        axis(Vec3::Y, "Y", Color32::from_rgb(88, 178, 80)),
+        axis(Vec3::Z, "Z", Color32::from_rgb(78, 128, 240)),
+    ];
+    all.sort_by(|a, b| b.0.z.total_cmp(&a.0.z));
+    for (along, name, color) in all {
+        let end = middle + Vec2::new(along.x, along.y) * AXIS;
+        painter.line_segment([middle, end], Stroke::new(2.0, color));
+        let beyond = middle + Vec2::new(along.x, along.y) * (AXIS + 9.0);
+        painter.text(beyond, Align2::CENTER_CENTER, name, FontId::proportional(11.0), ink);
+    }
+}
+
+/// What the ends of the ramp are called.
+fn legend_ends(coloring: Coloring, range: Option<[f32; 2]>) -> Option<[String; 2]> {
+    let [low, high] = range?;
+    Some(match coloring {
+        Coloring::Confidence | Coloring::Conflict => [low, high].map(|share| format!("{:.0} %", share * 100.0)),
+        Coloring::Views => [format!("{low:.0}"), format!("{high:.0} views")],
+        _ => [low, high].map(|value| format!("{value:.3}")),
+    })
+}
+
+fn legend(painter: &Painter, corner: Pos2, ends: [String; 2], ink: Color32) {
+    const STEPS: u32 = 32;
+    let bar = Rect::from_min_size(corner, Vec2::new(120.0, 8.0));
+    let mut mesh = Mesh::default();
+    for step in 0..=STEPS {
+        let share = step as f32 / STEPS as f32;
+        let [r, g, b] = ramp(share);
+        let x = bar.left() + bar.width() * share;
+        mesh.colored_vertex(Pos2::new(x, bar.top()), Color32::from_rgb(r, g, b));
+        mesh.colored_vertex(Pos2::new(x, bar.bottom()), Color32::from_rgb(r, g, b));
+        if step > 0 {
+            let n = step * 2;
+            mesh.add_triangle(n - 2, n - 1, n);
+            mesh.add_triangle(n - 1, n, n + 1);
+        }
+    }
+    painter.add(mesh);
+    let [low, high] = ends;
+    let y = bar.bottom() + 3.0;
+    for (x, align, text) in [(bar.left(), Align2::LEFT_TOP, low), (bar.right(), Align2::RIGHT_TOP, high)] {
+        painter.text(Pos2::new(x, y), align, text, FontId::proportional(11.0), ink);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scale_bars_are_round() {
+        let lengths = [0.034, 1.0, 1.99, 7.0, 430.0].map(|most| round_length(most).unwrap());
+        assert_eq!(lengths, [0.02, 1.0, 1.0, 5.0, 200.0]);
+        assert_eq!((round_length(0.0), round_length(f32::NAN)), (None, None));
+    }
+}

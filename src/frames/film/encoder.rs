@@ -1,0 +1,145 @@
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+
+use super::programs::{Programs, command};
+use crate::engine::job::Progress;
+use crate::frames::{FrameError, Image};
+
+/// What a film is made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FilmOptions {
+    /// Columns and rows of every picture, above 0.
+    pub size: (u32, u32),
+    /// Number of pictures.
+    pub count: usize,
+    /// Pictures a second, above 0.
+    pub fps: f64,
+}
+
+/// Makes a film with the system's ffmpeg; `draw` gives each picture by its number. The ending of `path` says what kind of
+/// film (mp4, mkv, webm …). Written to a temporary name first, which goes away when the work is stopped or fails.
+///
+/// # Errors
+/// [`FrameError::Invalid`] where ffmpeg is missing or refuses, [`FrameError::Stopped`].
+pub fn write_film(
+    path: &Path,
+    options: &FilmOptions,
+    draw: impl Fn(usize) -> Image,
+    progress: &Progress,
+) -> Result<(), FrameError> {
+    let part = part_path(path);
+    let written = encode(path, &part, options, draw, progress)
+        .and_then(|()| std::fs::rename(&part, path).map_err(|error| invalid(path, &error)));
+    if written.is_err() {
+        let _ = std::fs::remove_file(&part);
+    }
+    written
+}
+
+/// Beside the film and with its ending, by which ffmpeg knows what to write.
+fn part_path(path: &Path) -> PathBuf {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().into_owned()).unwrap_or_default();
+    path.with_extension(format!("part.{ending}"))
+}
+
+fn encode(
+    path: &Path,
+    part: &Path,
+    options: &FilmOptions,
+    draw: impl Fn(usize) -> Image,
+    progress: &Progress,
+) -> Result<(), FrameError> {
+    let mut ffmpeg = Encoder(start(path, part, options)?);
+    let input = ffmpeg.0.stdin.take();
+    for number in 0..options.count {
+        progress.step(number, options.count)?;
+        let picture = draw(number);
+        let bytes: &[u8] = bytemuck::cast_slice(&picture.pixels);
+        if input.as_ref().is_none_or(|mut input| input.write_all(bytes).is_err()) {
+            break; // ffmpeg has ended and says why
+        }
+    }
+    drop(input);
+    ffmpeg.finish(path)
+}
+
+fn start(path: &Path, part: &Path, options: &FilmOptions) -> Result<Child, FrameError> {
+    let programs = Programs::default();
+    let size = format!("{}x{}", options.size.0, options.size.1);
+    let mut command = command(&programs.ffmpeg, ["-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]);
+    command.args(["-s", &size, "-framerate", &options.fps.to_string(), "-i", "-"]);
+    // Most players want even sides and half the colour.
+    command.args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]).arg(part);
+    command.stdin(Stdio::piped()).stdout(Stdio::null()).spawn().map_err(|error| FrameError::Invalid {
+        path: path.into(),
+        what: format!(
+            "films are made with ffmpeg, and {} cannot be started ({error}); install ffmpeg so that it is found by the PATH \
+             (apt install ffmpeg, brew install ffmpeg, winget install ffmpeg)",
+            programs.ffmpeg.display()
+        ),
+    })
+}
+
+/// A running ffmpeg, ended when dropped.
+struct Encoder(Child);
+
+impl Encoder {
+    fn finish(mut self, path: &Path) -> Result<(), FrameError> {
+        let mut said = String::new();
+        if let Some(mut errors) = self.0.stderr.take() {
+            let _ = errors.read_to_string(&mut said);
+        }
+        match self.0.wait() {
+            Ok(status) if status.success() => Ok(()),
+            _ => Err(invalid(path, &said.lines().last().unwrap_or("ffmpeg ended early"))),
+        }
+    }
+}
+
+impl Drop for Encoder {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn invalid(path: &Path, why: &dyn std::fmt::Display) -> FrameError {
+    let what =
+        format!("the film cannot be written ({why}); check the folder, its permissions and the ending, e.g. .mp4");
+    FrameError::Invalid { path: path.into(), what }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grey(number: usize) -> Image {
+        Image { width: 31, height: 20, pixels: vec![[number as u8 * 20; 3]; 31 * 20] }
+    }
+
+    #[test]
+    fn a_film_that_is_stopped_or_refused_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = FilmOptions { size: (31, 20), count: 10, fps: 5.0 };
+        let stopped = Progress::default();
+        let path = folder.path().join("film.mp4");
+        let stop_at_3 = |number| {
+            if number == 3 {
+                stopped.stop();
+            }
+            grey(number)
+        };
+        let result = write_film(&path, &options, stop_at_3, &stopped);
+        if result.as_ref().is_err_and(|error| error.to_string().contains("cannot be started")) {
+            assert!(std::env::var_os("CI").is_none(), "ffmpeg is missing");
+            return;
+        }
+        assert!(matches!(result, Err(FrameError::Stopped(_))));
+        let refused = write_film(&folder.path().join("film.xyz"), &options, grey, &Progress::default());
+        assert!(refused.unwrap_err().to_string().contains("film cannot be written"));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        write_film(&path, &options, grey, &Progress::default()).unwrap();
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

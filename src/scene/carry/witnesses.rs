@@ -1,0 +1,99 @@
+use std::collections::BTreeMap;
+
+use super::anchor::labels_of;
+use super::choose::anchors_for;
+use super::decide::decide;
+use super::lookup::ask;
+use super::options::CarryOptions;
+use super::ready::{GivenAnchor, ReadyAnchors};
+use super::testimony::Testimony;
+use super::tolerance::Tolerance;
+use super::viewpoint::Stand;
+use super::views::Views;
+use super::vote::Votes;
+use crate::engine::job::Progress;
+use crate::masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest};
+
+/// The anchors of a request that have depth and a camera: what they show, they show of the scene.
+pub(in crate::scene) struct Witnesses<'a> {
+    options: &'a CarryOptions,
+    views: &'a Views<'a>,
+    direction: Direction,
+    anchors: Vec<GivenAnchor<'a>>,
+    ready: ReadyAnchors<'a>,
+    /// Anchors without depth or camera.
+    pub left_out: Vec<usize>,
+}
+
+impl<'a> Witnesses<'a> {
+    pub fn new(options: &'a CarryOptions, request: &'a TrackRequest, views: &'a Views<'a>) -> Self {
+        let mut left_out = Vec::new();
+        let mut anchors = Vec::new();
+        for (&frame, mask) in &request.anchors {
+            match views.stand(frame) {
+                Some(stand) => anchors.push(GivenAnchor { frame, stand, labels: labels_of(mask), mask }),
+                None => left_out.push(frame),
+            }
+        }
+        let ready = ReadyAnchors::new(views, options);
+        Self { options, views, direction: request.direction, anchors, ready, left_out }
+    }
+
+    /// Whether none of them shows any label.
+    pub fn are_mute(&self) -> bool {
+        self.anchors.iter().all(|anchor| anchor.labels.is_empty())
+    }
+
+    /// Whether masks may go from one of them to a frame, in the request's direction.
+    pub fn reach(&self, frame: usize) -> bool {
+        self.anchors.iter().any(|anchor| reaches(self.direction, anchor.frame, frame))
+    }
+
+    /// Whether they can be asked of a frame: it has depth and a camera, and they [`Self::reach`] it.
+    pub fn can_tell_of(&self, frame: usize) -> bool {
+        self.reach(frame) && self.views.stand(frame).is_some()
+    }
+
+    /// What they say of a frame, which has depth and a camera.
+    ///
+    /// # Errors
+    /// [`MaskError::Frame`] or [`MaskError::Request`] where a depth cannot be had; [`MaskError::Stopped`].
+    pub fn tell_of(&self, frame: usize, progress: &Progress) -> Result<Testimony, MaskError> {
+        let target = self.views.load(frame)?;
+        let mut votes = Votes { width: target.width(), height: target.height(), of_anchors: Vec::new() };
+        let mut depths = target.depth.depths.clone();
+        let allowed = |a: &&GivenAnchor<'_>| reaches(self.direction, a.frame, frame);
+        let allowed: Vec<&GivenAnchor<'_>> = self.anchors.iter().filter(allowed).collect();
+        let stands: Vec<(Stand, &[LabelId])> = allowed.iter().map(|a| (a.stand, a.labels.as_slice())).collect();
+        for place in anchors_for(&target, &stands, self.options.anchors) {
+            let anchor = self.ready.get(allowed[place], progress)?;
+            let tolerance = Tolerance::measured(&target, &anchor.view, self.options);
+            let sightings = ask(&anchor, &target, &tolerance, &mut depths, self.options, progress)?;
+            votes.of_anchors.push((anchor, sightings));
+        }
+        Ok(Testimony { target, depths, votes })
+    }
+
+    /// The mask of a frame by what they say of it, along what its picture and depth show; with how sure each label is, 0–1.
+    ///
+    /// # Errors
+    /// [`MaskError::Frame`] where the picture cannot be read; [`MaskError::Stopped`].
+    pub fn carry_to(
+        &self,
+        frame: usize,
+        told: &Testimony,
+        progress: &Progress,
+    ) -> Result<(LabelMask, BTreeMap<LabelId, f32>), MaskError> {
+        let image = self.views.image(frame)?;
+        Ok(decide(&told.votes, (&told.target, &told.depths), &image, self.options, progress)?)
+    }
+}
+
+/// Whether masks may go from an anchor to a frame.
+fn reaches(direction: Direction, anchor: usize, frame: usize) -> bool {
+    match direction {
+        Direction::Both => true,
+        Direction::Forward => anchor < frame,
+        Direction::Backward => anchor > frame,
+    }
+}

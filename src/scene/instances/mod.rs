@@ -1,0 +1,14 @@
+//! Instances of a class: points of one label that hang together in space, and the masks that tell them apart.
+//!
+//! May use: scene::fuse (its votes), scene::points, masks, engine::job. Must not touch: frames' pictures, Project, UI.
+
+mod cells;
+mod cluster;
+mod options;
+mod split_mask;
+#[cfg(test)]
+mod tests;
+
+pub use cluster::{Instances, find_instances};
+pub use options::InstanceOptions;
+pub use split_mask::split_mask;

@@ -1,0 +1,17 @@
+//! Points of a cloud chosen by what an eye sees of them, by label, by likeness and by pieces.
+//!
+//! May use: scene::points, masks, frames, geometry, engine::job. Must not touch: Project, UI, files.
+
+mod eye;
+mod grow;
+mod pieces;
+mod selector;
+mod step;
+#[cfg(test)]
+mod tests;
+mod visible;
+
+pub use eye::Eye;
+pub use grow::Likeness;
+pub use selector::{Selection, Selector};
+pub use step::{SeenRegion, SelectStep};

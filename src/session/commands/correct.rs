@@ -1,0 +1,169 @@
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, Result, ensure};
+
+use super::fuse::save_votes;
+use super::paint::{anchor_of, label_name, mask_of};
+use super::voted_before::VotedBefore;
+use crate::engine::job::Progress;
+use crate::frames::FrameStore;
+use crate::masks::{LabelId, RunMask};
+use crate::scene::correct::SeeingPixels;
+use crate::scene::fuse::{Fused, ProjectViews};
+use crate::scene::ply::{Coloring, save_mesh, save_ply};
+use crate::scene::select::Selector;
+use crate::session::jobs::{Kind, Landing};
+use crate::session::store::{cloud_path, mesh_path, mesh_votes_path, sync_folder, version_in_force, votes_path};
+use crate::session::{
+    CloudCorrection, Edit, Event, FrameMask, JobId, MaskOrigin, Project, ResultKind, ResultRecord, Session,
+};
+
+/// What a correction in 3-D works on: the state that it began with.
+pub(super) struct Correcting {
+    pub(super) project: Arc<Project>,
+    /// The cloud in force and who voted for its points.
+    pub(super) before: VotedBefore,
+    root: PathBuf,
+    store: Arc<FrameStore>,
+    selector: Option<Arc<Selector>>,
+}
+
+impl Session {
+    /// Gives the pixels of all masks that see some points another label, and the points with them, in one step.
+    pub(in crate::session) fn correct_cloud(&mut self, correction: &CloudCorrection) -> Result<JobId> {
+        let project = self.snapshot()?;
+        let label = correction.change.label();
+        let title = match label {
+            LabelId::NONE => "Clear in 3-D".to_owned(),
+            label => format!("Assign {} in 3-D", label_name(&project, label)?),
+        };
+        let correction = correction.clone();
+        self.correct(&title, move |correcting, progress| correcting.written_back(&correction, progress))
+    }
+
+    /// Starts a job that makes edits of masks and labels from the project as it is now, lets the points of the cloud vote
+    /// again by the masks as they are then, and takes in both as one step.
+    pub(super) fn correct(
+        &mut self,
+        title: &str,
+        edits: impl FnOnce(&Correcting, &Progress) -> Result<Vec<Edit>> + Send + 'static,
+    ) -> Result<JobId> {
+        self.check_no_long_job()?;
+        let project = self.snapshot()?;
+        let version = version_in_force(&project, ResultKind::Cloud).context("there is no cloud yet; fuse first")?;
+        let loaded = self.cloud.in_force(Some(version));
+        let selector = loaded.as_ref().and_then(|(cloud, _)| self.selector_of(cloud));
+        let root = self.opened()?.root().to_owned();
+        let next_version = self.opened()?.next_version()?;
+        let before = VotedBefore::in_force(&project, &root, loaded).context("there is no cloud yet; fuse first")?;
+        let correcting = Correcting { project, root, store: Arc::clone(&self.store), before, selector };
+        let title = title.to_owned();
+        Ok(self.start(&title.clone(), Kind::Long, move |link| {
+            let mut edits = edits(&correcting, &link.progress)?;
+            ensure!(!edits.is_empty(), "no mask changes: none that may change sees these points otherwise");
+            let voted = correcting.voted_again(&edits, next_version, &link.progress)?;
+            let record = voted.as_ref().map(|(_, record)| record.clone());
+            edits.extend(record.map(|record| Edit::SetResult { kind: ResultKind::Cloud, record: Some(record) }));
+            Ok(Box::new(move |session: &mut Self| {
+                let now = session.snapshot()?;
+                let same = Arc::ptr_eq(&now, &correcting.project) || now == correcting.project;
+                ensure!(same, "the project changed meanwhile; do it again");
+                session.commit(&title, edits)?;
+                if let Some((fused, _)) = voted {
+                    session.cloud.put(Some(next_version), fused.cloud, Some(fused.votes));
+                    session.events.push(Event::CloudChanged);
+                }
+                Ok(())
+            }) as Landing)
+        }))
+    }
+}
+
+impl Correcting {
+    /// The edits of the masks that see the chosen points.
+    fn written_back(&self, correction: &CloudCorrection, progress: &Progress) -> Result<Vec<Edit>> {
+        progress.stage("choose points")?;
+        let (cloud, votes) = self.before.load(progress)?.context("it is not known who voted; fuse again")?;
+        let selector = match &self.selector {
+            Some(selector) => Arc::clone(selector),
+            None => Arc::new(Selector::new(cloud)?),
+        };
+        let project = &self.project;
+        let selection = selector.select(&project.frames, &project.labels, &correction.select, progress)?;
+        ensure!(!selection.points.is_empty(), "no point is chosen; draw around points that are seen");
+        let seeing = SeeingPixels::new(&selector, &votes, &selection)?;
+        let frames: Vec<usize> = votes.frames().collect();
+        let mut edits = Vec::new();
+        progress.stage("write back")?;
+        for (done, &number) in frames.iter().enumerate() {
+            progress.step(done, frames.len())?;
+            let frame = project.frame(number)?;
+            let mut mask = mask_of(project, number)?;
+            let depth = self.store.depth(frame)?;
+            let Some(region) = seeing.in_frame((number, frame), depth.as_deref(), &mask) else { continue };
+            let label = correction.change.label();
+            mask.ids.iter_mut().zip(region.inside).filter(|(_, inside)| *inside).for_each(|(id, _)| *id = label);
+            edits.extend(mask_edit(project, number, Arc::new(RunMask::encode(&mask)), correction.as_anchors));
+        }
+        edits.extend(project.there_again(&edits));
+        edits.extend(not_stale(project, &edits));
+        Ok(edits)
+    }
+
+    /// The cloud and its surface as the masks vote after the edits, saved under a version of their own; `None` where it is not
+    /// known who voted.
+    fn voted_again(&self, edits: &[Edit], version: u64, progress: &Progress) -> Result<Option<(Fused, ResultRecord)>> {
+        let begun = Instant::now();
+        let mut after = Project::clone(&self.project);
+        for edit in edits {
+            after.apply(edit.clone())?;
+        }
+        let masks = |frame: usize| after.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
+        let views = ProjectViews { frames: &after.frames, store: &self.store, masks: &masks };
+        let Some(fused) = self.before.cloud(&views, &after, progress)? else { return Ok(None) };
+        progress.stage("save")?;
+        save_ply(&cloud_path(&self.root, version), &fused.cloud, Coloring::Picture, progress)?;
+        save_votes(&votes_path(&self.root, version), &fused.votes)?;
+        let surface = self.before.surface(&views, &after, progress)?;
+        if let Some((mesh, votes)) = &surface {
+            save_mesh(&mesh_path(&self.root, version), mesh, Coloring::Picture, progress)?;
+            save_votes(&mesh_votes_path(&self.root, version), votes)?;
+        }
+        sync_folder(&self.root.join("versions"))?;
+        let voxel = surface.and(self.before.record.voxel);
+        let seconds = begun.elapsed().as_secs_f64();
+        let frames = fused.report.frames_voted;
+        Ok(Some((fused, ResultRecord { frames, seconds, version, voxel, ..self.before.record.clone() })))
+    }
+}
+
+/// The edit that gives a frame other runs by a correction in 3-D; `None` where nothing changes. Labels that are locked stay,
+/// those that are not there come back only by an anchor.
+fn mask_edit(project: &Project, frame: usize, runs: Arc<RunMask>, as_anchor: bool) -> Option<Edit> {
+    let before = project.masks.get(&frame);
+    let mask = if as_anchor {
+        anchor_of(project.with_locks(frame, runs))
+    } else {
+        let nothing = || FrameMask { origin: MaskOrigin::Tracked, ..anchor_of(Arc::clone(&runs)) };
+        let kept = FrameMask { runs: Arc::clone(&runs), ..before.cloned().unwrap_or_else(nothing) };
+        with_labels_shown(project.within_marks(frame, kept))
+    };
+    let same = before.map_or(mask.runs.extents().is_empty(), |before| before.runs == mask.runs);
+    (!same).then_some(Edit::SetMask { frame, mask: Some(mask) })
+}
+
+/// Confidences are kept of labels that the mask still shows.
+fn with_labels_shown(mut mask: FrameMask) -> FrameMask {
+    let shown = mask.runs.extents();
+    mask.confidence.retain(|label, _| shown.contains_key(label));
+    mask
+}
+
+/// The edit that leaves corrected masks as fresh as they were, though anchors beside them change.
+fn not_stale(project: &Project, edits: &[Edit]) -> Option<Edit> {
+    let is_fresh = |frame: &usize| project.masks.get(frame).is_none_or(|mask| !mask.stale);
+    let frames: Vec<usize> = edits.iter().filter_map(Edit::masked_frame).filter(is_fresh).collect();
+    (!frames.is_empty()).then_some(Edit::SetStale { frames, stale: false })
+}

@@ -1,0 +1,14 @@
+use serde::{Deserialize, Serialize};
+
+use crate::masks::LabelId;
+use crate::scene::instances::InstanceOptions;
+
+/// Which label is told apart into instances.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct InstancesRequest {
+    /// The class; the instances become labels below it.
+    pub label: LabelId,
+    /// When points are one instance.
+    #[serde(default)]
+    pub options: InstanceOptions,
+}

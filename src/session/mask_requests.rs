@@ -1,0 +1,153 @@
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+use crate::masks::{LabelId, Prompt, PxBox};
+
+/// What to look for by words.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GroundRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// Each of them names a class of things.
+    pub phrases: Vec<String>,
+    /// Least score of what is found, 0–1; chosen by the grounder when absent.
+    #[serde(default)]
+    pub threshold: Option<f32>,
+    /// Which grounder; `auto` = the best that is installed.
+    #[serde(default = "auto")]
+    pub grounder: String,
+}
+
+/// Things that become labels, each an instance of its phrase's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TakeRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// What each is, and the box around it.
+    pub things: Vec<(String, PxBox)>,
+    /// Which segmenter makes masks of the boxes; `auto` = the best that is installed.
+    #[serde(default = "auto")]
+    pub segmenter: String,
+}
+
+/// A prompt for one label on one frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PromptRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// For which label.
+    pub label: LabelId,
+    /// All that is given (sets, not adds).
+    pub prompt: Prompt,
+    /// `auto`, `sam`, `sam-close` or `builtin`.
+    pub segmenter: String,
+}
+
+/// A stroke on a frame's mask.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PaintRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// The label painted, or the one erased.
+    pub label: LabelId,
+    /// Corners of the stroke or polygon in pixels.
+    pub points_px: Vec<DVec2>,
+    /// Brush radius in pixels; 0 = the points are a polygon to fill.
+    pub radius_px: f64,
+    /// `true` takes the label away where the stroke goes.
+    pub erase: bool,
+    /// `true` = pixels of other labels are taken over too.
+    pub replace: bool,
+    /// `true` = the brush stops at the picture's edges on which the inner half of its radius does not lie; a polygon
+    /// is filled as it is.
+    #[serde(default)]
+    pub snap: bool,
+}
+
+/// A thin structure (stem, wire) on a frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TraceRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// The label that gets its pixels.
+    pub label: LabelId,
+    /// Two points along it or more, in pixels; it ends at the first and the last.
+    pub points_px: Vec<DVec2>,
+    /// `true` = pixels of other labels are taken over too.
+    #[serde(default)]
+    pub replace: bool,
+}
+
+/// Holes and islands of a label on a frame.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TidyRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// The label; pixels of others stay.
+    pub label: LabelId,
+    /// Holes of fewer pixels are filled; 0 = none.
+    #[serde(default)]
+    pub holes_below_px: usize,
+    /// Islands of fewer pixels are removed, never the largest piece; 0 = none.
+    #[serde(default)]
+    pub islands_below_px: usize,
+}
+
+/// A change of labels over a range of frames.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RangeRequest {
+    /// Which labels; none = all.
+    pub labels: Vec<LabelId>,
+    /// First frame.
+    pub from: usize,
+    /// Last frame (included).
+    pub to: usize,
+    /// What is done.
+    pub change: RangeChange,
+    /// Copied and interpolated labels are written over others too.
+    #[serde(default)]
+    pub replace: bool,
+}
+
+/// What can be done to labels over a range of frames.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RangeChange {
+    /// They are not there: pixels and prompts go, and no tracker brings them back.
+    Delete,
+    /// They may be there again; trackers find them.
+    Restore,
+    /// Their pixels stay as they are, whoever tracks, clicks or paints.
+    Lock,
+    /// No longer so.
+    Unlock,
+    /// Kept, but neither drawn, voted nor exported.
+    Hide,
+    /// No longer so.
+    Show,
+    /// Their pixels and clicks become another label's.
+    Merge {
+        /// That label.
+        into: LabelId,
+    },
+    /// One piece of the label becomes another label; on the other frames what lies nearer to it than to the rest.
+    Split {
+        /// Where the piece is pointed at.
+        frame: usize,
+        /// A pixel of the piece.
+        at_px: DVec2,
+        /// The piece's label.
+        into: LabelId,
+    },
+    /// Between the first and the last frame of the range, shapes lie between theirs.
+    Interpolate,
+    /// As on another frame; the frames become anchors.
+    Copy {
+        /// That frame.
+        frame: usize,
+    },
+}
+
+fn auto() -> String {
+    "auto".into()
+}

@@ -1,0 +1,105 @@
+use std::cell::Cell;
+use std::sync::Arc;
+
+use super::jobs::{Kind, Landing};
+use super::{JobId, Project, ResultKind, Session};
+use crate::frames::Frame;
+use crate::masks::{LabelId, LabelTree};
+use crate::scene::LabelledCloud;
+use crate::scene::measure::{GroundChoice, LengthUnit, MeasureOptions, TraitRow, measure};
+
+/// How the labels of the cloud shall be measured.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct MeasureWish {
+    /// Only labels at this depth of the tree (1 = top); `None` = all.
+    pub level: Option<usize>,
+    /// The plane above which heights are measured.
+    pub ground: GroundChoice,
+}
+
+impl MeasureWish {
+    pub(super) fn options(&self) -> MeasureOptions {
+        MeasureOptions { level: self.level, ground: self.ground, ..MeasureOptions::default() }
+    }
+}
+
+/// The traits that were measured last, and of what.
+#[derive(Default)]
+pub(super) struct Measuring {
+    wanted: Cell<Option<MeasureWish>>,
+    of: Option<Measured>,
+    rows: Option<Arc<Vec<TraitRow>>>,
+    job: Option<JobId>,
+}
+
+/// What traits depend on: names and colours of labels do not change them.
+#[derive(Clone)]
+struct Measured {
+    cloud: Arc<LabelledCloud>,
+    parents: Vec<(LabelId, Option<LabelId>)>,
+    wish: MeasureWish,
+}
+
+impl Measured {
+    fn is(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.cloud, &other.cloud) && self.parents == other.parents && self.wish == other.wish
+    }
+}
+
+impl Session {
+    /// The traits of the cloud's labels, in world units. They are measured by a job when they are first asked for and when
+    /// the cloud, the tree of labels or the wish is another: `None` until then.
+    #[must_use]
+    pub fn traits(&self, wish: MeasureWish) -> Option<&Arc<Vec<TraitRow>>> {
+        self.measuring.wanted.set(Some(wish));
+        let same = self.measuring.of.as_ref().is_some_and(|of| of.wish == wish);
+        self.measuring.rows.as_ref().filter(|_| same)
+    }
+
+    /// What lengths of the open project are told in: metres where depths, given cameras or a set scale tell them.
+    #[must_use]
+    pub fn length_unit(&self) -> LengthUnit {
+        self.project().map_or(LengthUnit::World, |project| length_unit(project))
+    }
+
+    /// Starts to measure what was asked for, in the place of what was asked for before.
+    pub(super) fn measure_wanted(&mut self) {
+        let Some(wish) = self.measuring.wanted.take() else { return };
+        let Some(cloud) = self.cloud().cloned() else { return };
+        let tree = self.project().map_or_else(|| cloud.tree.clone(), |project| project.labels.clone());
+        let parents = tree.iter().map(|label| (label.id, label.parent)).collect();
+        let wanted = Measured { cloud, parents, wish };
+        if self.measuring.of.as_ref().is_some_and(|of| of.is(&wanted)) {
+            return;
+        }
+        if let Some(job) = self.measuring.job.take() {
+            self.stop(job);
+        }
+        self.measuring.rows = None;
+        self.measuring.of = Some(wanted.clone());
+        self.measuring.job = Some(self.start("Measure", Kind::Short, move |link| {
+            let rows = measure(&under(&wanted.cloud, tree), &wish.options(), &link.progress)?;
+            Ok(Box::new(move |session: &mut Self| {
+                if session.measuring.of.as_ref().is_some_and(|of| of.is(&wanted)) {
+                    session.measuring.rows = Some(Arc::new(rows));
+                }
+                Ok(())
+            }) as Landing)
+        }));
+    }
+}
+
+/// The cloud under a tree; copied only where it is another than its own.
+fn under(cloud: &Arc<LabelledCloud>, tree: LabelTree) -> Arc<LabelledCloud> {
+    if cloud.tree == tree { Arc::clone(cloud) } else { Arc::new(LabelledCloud { tree, ..LabelledCloud::clone(cloud) }) }
+}
+
+/// As [`Session::length_unit`].
+fn length_unit(project: &Project) -> LengthUnit {
+    let measured = project.frames.iter().any(Frame::has_sensor_depth);
+    let free = |record: &super::ResultRecord| record.engine == "sfm" && !record.settings.contains("scaled by");
+    match project.results.get(&ResultKind::Cameras).is_some_and(free) && !measured {
+        true => LengthUnit::World,
+        false => LengthUnit::Metre,
+    }
+}

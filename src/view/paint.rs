@@ -1,0 +1,183 @@
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::coloring::{Coloring, ramp};
+use super::label_colors::{LabelColors, UNKNOWN};
+use super::points::SpreadOrder;
+use super::{Appearance, Bounds};
+use crate::masks::LabelId;
+use crate::scene::LabelledCloud;
+use crate::scene::fuse::Votes;
+
+/// Points that the ends of a ramp are read from.
+const SAMPLED: usize = 100_000;
+
+/// An [`Appearance`] made ready for loops over the millions of points of one cloud.
+#[derive(Debug, Clone)]
+pub(super) struct Paint {
+    labels: LabelColors,
+    source: Source,
+}
+
+/// Where colours come from.
+#[derive(Debug, Clone)]
+enum Source {
+    Rgb,
+    Label,
+    Normals,
+    Ramp { number: Number, range: [f32; 2] },
+    Unknown,
+}
+
+/// A number that each point has.
+#[derive(Debug, Clone)]
+enum Number {
+    Confidence,
+    Conflict(Arc<Votes>),
+    Views(Arc<Votes>),
+    Height(Vec3),
+}
+
+impl Paint {
+    pub(super) fn new(cloud: &LabelledCloud, appearance: &Appearance) -> Self {
+        let tree = appearance.tree.as_ref().unwrap_or(&cloud.tree);
+        Self { labels: LabelColors::new(tree, appearance), source: Source::new(cloud, appearance) }
+    }
+
+    /// The sRGB colour of point `index` and its opacity; `None` when it is not drawn.
+    pub(super) fn color(&self, cloud: &LabelledCloud, index: usize) -> Option<[u8; 4]> {
+        let label = self.labels.get(cloud.labels[index]);
+        let [r, g, b] = match &self.source {
+            Source::Rgb => cloud.colors[index],
+            Source::Label => [label[0], label[1], label[2]],
+            Source::Normals => of_normal(cloud.normals[index]),
+            Source::Ramp { number, range } => ramp((number.of(cloud, index) - range[0]) / (range[1] - range[0])),
+            Source::Unknown => UNKNOWN,
+        };
+        (label[3] > 0).then_some([r, g, b, label[3]])
+    }
+
+    /// Opacity of the points with a label, 0 (not drawn) to 255.
+    pub(super) fn opacity(&self, id: LabelId) -> u8 {
+        self.labels.get(id)[3]
+    }
+
+    /// What the ends of the ramp stand for, where colours come from one.
+    pub(super) fn range(&self) -> Option<[f32; 2]> {
+        match self.source {
+            Source::Ramp { range, .. } => Some(range),
+            _ => None,
+        }
+    }
+}
+
+impl Source {
+    fn new(cloud: &LabelledCloud, appearance: &Appearance) -> Self {
+        let votes = || appearance.votes.clone().filter(|votes| votes.len() == cloud.len());
+        let number = match appearance.coloring {
+            Coloring::Rgb => return Self::Rgb,
+            Coloring::Label => return Self::Label,
+            Coloring::Normals => return Self::Normals,
+            Coloring::Confidence => Some(Number::Confidence),
+            Coloring::Conflict => votes().map(Number::Conflict),
+            Coloring::Views => votes().map(Number::Views),
+            Coloring::Height => Some(Number::Height(appearance.up)),
+        };
+        number.map_or(Self::Unknown, |number| Self::Ramp { range: number.range(cloud), number })
+    }
+}
+
+impl Number {
+    fn of(&self, cloud: &LabelledCloud, index: usize) -> f32 {
+        match self {
+            Self::Confidence => cloud.confidence[index],
+            Self::Conflict(votes) => votes.conflict(index),
+            Self::Views(votes) => votes.voted(index) as f32,
+            Self::Height(up) => cloud.positions[index].dot(*up),
+        }
+    }
+
+    /// What the ends of the ramp stand for.
+    fn range(&self, cloud: &LabelledCloud) -> [f32; 2] {
+        let order = SpreadOrder::new(cloud.len());
+        let sample = || (0..cloud.len().min(SAMPLED)).map(|place| self.of(cloud, order.at(place)));
+        match self {
+            Self::Confidence => [0.0, 1.0],
+            Self::Conflict(_) => [0.0, 0.5],
+            Self::Views(_) => [0.0, sample().fold(1.0, f32::max)],
+            Self::Height(_) => Bounds::of(sample().map(Vec3::splat))
+                .map_or([0.0, 1.0], |bounds| [bounds.min.x, bounds.max.x.max(bounds.min.x + f32::MIN_POSITIVE)]),
+        }
+    }
+}
+
+fn of_normal(normal: Vec3) -> [u8; 3] {
+    if normal == Vec3::ZERO {
+        return UNKNOWN;
+    }
+    normal.to_array().map(|along| ((along * 0.5 + 0.5) * 255.0).round() as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::masks::Label;
+
+    /// Four points in a row along x: plant, leaf, pot and unlabelled.
+    fn cloud() -> LabelledCloud {
+        let mut cloud = LabelledCloud::from_positions((0..4).map(|i| Vec3::X * i as f32).collect());
+        for (id, parent) in [(1, None), (2, Some(LabelId(1))), (3, None)] {
+            let label = Label { id: LabelId(id), name: id.to_string(), color: [id as u8 * 50, 7, 9], parent };
+            cloud.tree.set(label).unwrap();
+        }
+        cloud.labels = [1, 2, 3, 0].map(LabelId).to_vec();
+        cloud.confidence = vec![0.0, 0.5, 1.0, 0.0];
+        cloud.normals = vec![Vec3::X, Vec3::NEG_Y, Vec3::ZERO, Vec3::Z];
+        cloud
+    }
+
+    fn colors(appearance: &Appearance) -> Vec<Option<[u8; 4]>> {
+        let cloud = cloud();
+        let paint = Paint::new(&cloud, appearance);
+        (0..4).map(|index| paint.color(&cloud, index)).collect()
+    }
+
+    fn solid(rgb: [[u8; 3]; 4]) -> Vec<Option<[u8; 4]>> {
+        rgb.into_iter().map(|[r, g, b]| Some([r, g, b, 255])).collect()
+    }
+
+    #[test]
+    fn each_coloring_shows_what_it_says() {
+        let by = |coloring| colors(&Appearance { coloring, up: Vec3::X, ..Appearance::default() });
+        assert_eq!(by(Coloring::Rgb), solid([[192; 3]; 4]));
+        assert_eq!(by(Coloring::Label), solid([[50, 7, 9], [100, 7, 9], [150, 7, 9], UNKNOWN]));
+        assert_eq!(by(Coloring::Confidence), solid([ramp(0.0), ramp(0.5), ramp(1.0), ramp(0.0)]));
+        assert_eq!(by(Coloring::Normals), solid([[255, 128, 128], [128, 0, 128], UNKNOWN, [128, 128, 255]]));
+        assert_eq!(by(Coloring::Height), solid([ramp(0.0), ramp(1.0 / 3.0), ramp(2.0 / 3.0), ramp(1.0)]));
+        assert_eq!(by(Coloring::Conflict), solid([UNKNOWN; 4]), "nobody knows who voted");
+    }
+
+    #[test]
+    fn a_level_gives_parts_the_colour_of_the_whole() {
+        let appearance = Appearance { coloring: Coloring::Label, level: Some(1), ..Appearance::default() };
+        assert_eq!(colors(&appearance), solid([[50, 7, 9], [50, 7, 9], [150, 7, 9], UNKNOWN]));
+    }
+
+    #[test]
+    fn what_is_below_a_hidden_or_isolated_label_goes_with_it() {
+        let opacities = |appearance: &Appearance| -> Vec<u8> {
+            colors(appearance).into_iter().map(|color| color.map_or(0, |color| color[3])).collect()
+        };
+        let mut appearance = Appearance { hidden: BTreeSet::from([LabelId(1)]), ..Appearance::default() };
+        assert_eq!(opacities(&appearance), [0, 0, 255, 255]);
+        appearance = Appearance { isolated: Some(LabelId(1)), ..Appearance::default() };
+        assert_eq!(opacities(&appearance), [255, 255, 0, 0]);
+        appearance.faint = 0.2;
+        assert_eq!(opacities(&appearance), [255, 255, 51, 51]);
+        appearance.hidden.insert(LabelId(2));
+        assert_eq!(opacities(&appearance), [255, 0, 51, 51], "hidden even where isolated");
+    }
+}

@@ -1,0 +1,214 @@
+//! What the graphics card draws, held against what the processor draws.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::frames::Image;
+use crate::masks::{Label, LabelId, LabelTree};
+use crate::scene::{LabelledCloud, LabelledMesh};
+use crate::view::{
+    Appearance, Axes, Bounds, Clip, Coloring, Model, Orbit, Scene3d, SceneStyle, SceneView, ViewCamera, draw_cloud,
+    draw_mesh,
+};
+
+fn device() -> Option<(wgpu::Device, wgpu::Queue)> {
+    let instance = wgpu::Instance::default();
+    let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()));
+    let device = adapter.ok().and_then(|adapter| pollster::block_on(adapter.request_device(&Default::default())).ok());
+    assert!(device.is_some() || std::env::var_os("CI").is_none(), "CI needs a (software) Vulkan adapter");
+    device
+}
+
+fn sphere(points: usize) -> LabelledCloud {
+    let mut tree = LabelTree::default();
+    for id in 1..=2 {
+        tree.set(Label { id: LabelId(id), name: format!("{id}"), color: [200, id as u8 * 90, 30], parent: None })
+            .unwrap();
+    }
+    let at = |i: usize| {
+        let z = 1.0 - 2.0 * (i as f32 + 0.5) / points as f32;
+        let (s, c) = (i as f32 * 2.399_963).sin_cos();
+        Vec3::new(c * (1.0 - z * z).sqrt(), s * (1.0 - z * z).sqrt(), z)
+    };
+    LabelledCloud {
+        positions: (0..points).map(at).collect(),
+        normals: (0..points).map(at).collect(),
+        colors: vec![[90, 90, 90]; points],
+        labels: (0..points).map(|i| LabelId(1 + (i * 2 / points) as u16)).collect(),
+        confidence: vec![1.0; points],
+        tree,
+    }
+}
+
+fn read_back(view: &SceneView, width: u32, height: u32) -> Vec<[u8; 4]> {
+    let buffer = view.device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: u64::from(width * height * 4),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = view.device.create_command_encoder(&Default::default());
+    encoder.copy_texture_to_buffer(
+        view.texture().unwrap().texture().as_image_copy(),
+        wgpu::TexelCopyBufferInfo {
+            buffer: &buffer,
+            layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * 4), rows_per_image: None },
+        },
+        wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+    );
+    view.queue.submit([encoder.finish()]);
+    buffer.slice(..).map_async(wgpu::MapMode::Read, |result| result.unwrap());
+    view.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    bytemuck::cast_slice(&buffer.slice(..).get_mapped_range().unwrap()).to_vec()
+}
+
+/// Draws until all is drawn; gives the picture, and how many calls it took.
+fn drawn(view: &mut SceneView, scene: &Scene3d) -> (Vec<[u8; 4]>, usize) {
+    let calls = (1..100).find(|_| view.draw(scene)).unwrap();
+    (read_back(view, scene.camera.width, scene.camera.height), calls)
+}
+
+fn scene(camera: ViewCamera, style: &SceneStyle) -> Scene3d {
+    Scene3d { camera, style: style.clone(), lines: Vec::new() }
+}
+
+fn by_label() -> SceneStyle {
+    let appearance = Appearance { coloring: Coloring::Label, ..Default::default() };
+    SceneStyle { appearance, ..Default::default() }
+}
+
+/// How many pixels of the two twins differ by no more than `most` in each channel, of a thousand.
+fn alike(gpu: &[[u8; 4]], cpu: &[[u8; 3]], most: u8) -> usize {
+    let near = |(g, c): &(&[u8; 4], &[u8; 3])| g[..3].iter().zip(*c).all(|(a, b)| a.abs_diff(*b) <= most);
+    gpu.iter().zip(cpu).filter(near).count() * 1000 / gpu.len()
+}
+
+/// A square of `side` × `side` wavy pieces, two triangles each; its right half has another label.
+fn waves(side: u32) -> LabelledMesh {
+    let at = |i: u32| {
+        let (x, y) = ((i % (side + 1)) as f32 / side as f32, (i / (side + 1)) as f32 / side as f32);
+        Vec3::new(x, y, 0.05 * (x * 20.0).sin() * (y * 15.0).cos())
+    };
+    let count = (side + 1) * (side + 1);
+    let mut vertices = sphere(count as usize);
+    vertices.positions = (0..count).map(at).collect();
+    vertices.labels = (0..count).map(|i| LabelId(1 + u16::from(i % (side + 1) > side / 2))).collect();
+    let corners = (0..side * side).map(|i| i / side * (side + 1) + i % side);
+    let triangles = corners.flat_map(|a| [[a, a + 1, a + side + 1], [a + 1, a + side + 2, a + side + 1]]).collect();
+    let mut mesh = LabelledMesh { vertices, triangles };
+    mesh.compute_normals();
+    mesh
+}
+
+#[test]
+fn a_surface_ends_equal_to_its_cpu_twin_and_its_wires_lie_within() {
+    let Some((device, queue)) = device() else {
+        eprintln!("skipped: no Vulkan adapter");
+        return;
+    };
+    let mesh = Arc::new(waves(400).split_at_labels());
+    let bounds = Bounds::of(mesh.vertices.positions.iter().copied()).unwrap();
+    let camera = Orbit::framing(&bounds, Vec3::new(0.3, 0.2, 1.0), Vec3::NEG_Y).camera(256, 192);
+    let mut style = by_label();
+    let mut view = SceneView::new(&device, &queue);
+    view.set_model(Model::Surface(Arc::clone(&mesh)));
+    let (gpu, calls) = drawn(&mut view, &scene(camera, &style));
+    assert!(calls > 1 && view.drawn() == (mesh.triangles.len(), mesh.triangles.len()));
+    let cpu = draw_mesh(&mesh, &camera, &style).image;
+    let same = alike(&gpu, &cpu.pixels, 2);
+    assert!(same >= 985, "{same} of 1000 pixels agree");
+    let covered = |pixels: &[[u8; 4]]| pixels.iter().filter(|pixel| pixel[..3] != style.background).count();
+    let whole = covered(&gpu);
+    style.appearance.hidden.insert(LabelId(2));
+    let (half, _) = drawn(&mut view, &scene(camera, &style));
+    assert!((35..65).contains(&(covered(&half) * 100 / whole)), "{} of {whole}", covered(&half));
+
+    // Far apart, sides leave most of the surface open, and nothing is drawn beside it.
+    let coarse = Arc::new(waves(12));
+    style.appearance.hidden.clear();
+    view.set_model(Model::Wireframe(Arc::clone(&coarse)));
+    let (wires, _) = drawn(&mut view, &scene(camera, &style));
+    view.set_model(Model::Surface(coarse));
+    let (solid, _) = drawn(&mut view, &scene(camera, &style));
+    assert!((15..70).contains(&(covered(&wires) * 100 / covered(&solid))), "{}", covered(&wires));
+    let is_drawn = |pixel: &[u8; 4]| pixel[..3] != style.background;
+    let near_solid = |at: usize| {
+        let around = [0, 1, 255, 256, 257].into_iter().flat_map(|step| [at.checked_sub(step), at.checked_add(step)]);
+        around.flatten().any(|other| solid.get(other).is_some_and(is_drawn))
+    };
+    let apart = (0..wires.len()).filter(|&at| is_drawn(&wires[at]) && !near_solid(at)).count();
+    assert_eq!(apart, 0, "a line lies a pixel beside the surface at most");
+}
+
+#[test]
+fn progressive_picture_ends_equal_to_its_cpu_twin() {
+    let Some((device, queue)) = device() else {
+        eprintln!("skipped: no Vulkan adapter");
+        return;
+    };
+    let cloud = Arc::new(sphere(450_000));
+    let bounds = Bounds::of(cloud.positions.iter().copied()).unwrap();
+    let camera = Orbit::framing(&bounds, Vec3::new(0.2, 0.3, 1.0), Vec3::NEG_Y).camera(256, 192);
+    let style = SceneStyle { edl_strength: 0.0, ..by_label() };
+    let scene = scene(camera, &style);
+    let mut view = SceneView::new(&device, &queue);
+    view.set_model(Model::Cloud(Arc::clone(&cloud)));
+    assert!(!view.draw(&scene), "one call draws a bounded batch only");
+    let calls = (2..100).find(|_| view.draw(&scene)).unwrap();
+    assert!(calls > 1 && view.drawn() == (450_000, 450_000));
+    let gpu = read_back(&view, 256, 192);
+    let cpu = draw_cloud(&cloud, &camera, &style).image;
+    let same = alike(&gpu, &cpu.pixels, 1);
+    assert!(same >= 985, "{same} of 1000 pixels agree");
+    let background = cpu.pixels.iter().filter(|&&pixel| pixel == style.background).count();
+    assert!(background > 2000 && background < 40_000, "the sphere fills a part of the picture: {background}");
+}
+
+/// What each way of drawing must keep equal in both twins.
+fn agrees(model: &Model, camera: &ViewCamera, style: &SceneStyle, what: &str) -> Option<Vec<[u8; 4]>> {
+    let (device, queue) = device()?;
+    let mut view = SceneView::new(&device, &queue);
+    view.set_model(model.clone());
+    let (gpu, _) = drawn(&mut view, &scene(*camera, style));
+    let cpu: Image = match model {
+        Model::Cloud(cloud) => draw_cloud(cloud, camera, style).image,
+        Model::Surface(mesh) | Model::Wireframe(mesh) => draw_mesh(mesh, camera, style).image,
+    };
+    let same = alike(&gpu, &cpu.pixels, 3);
+    assert!(same >= 975, "{what}: {same} of 1000 pixels agree");
+    Some(gpu)
+}
+
+fn different(a: &[[u8; 4]], b: &[[u8; 4]]) -> usize {
+    a.iter().zip(b).filter(|(a, b)| a != b).count()
+}
+
+#[test]
+fn lighting_clipping_projection_and_faintness_are_equal_in_both_twins() {
+    let cloud = Arc::new(sphere(60_000));
+    let mesh = Arc::new(waves(60).split_at_labels());
+    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    let orbit = Orbit::framing(&bounds, Vec3::new(0.2, 0.3, 1.0), Vec3::NEG_Y);
+    let half = Bounds { min: Vec3::new(-9.0, -9.0, -9.0), max: Vec3::new(0.3, 9.0, 9.0) };
+    let axes = Axes::new(Vec3::new(0.2, -1.0, 0.1), Vec3::Z);
+    for model in [Model::Cloud(cloud), Model::Surface(mesh)] {
+        let is_cloud = matches!(model, Model::Cloud(_));
+        for orthographic in [false, true] {
+            let camera = Orbit { orthographic, ..orbit }.camera(256, 192);
+            let flat = SceneStyle { edl_strength: 0.0, ..by_label() };
+            let Some(plain) = agrees(&model, &camera, &flat, "flat") else {
+                eprintln!("skipped: no Vulkan adapter");
+                return;
+            };
+            let lit = SceneStyle { edl_strength: 1.5, ..by_label() };
+            let shaded = agrees(&model, &camera, &lit, "lit").unwrap();
+            assert_eq!(different(&plain, &shaded) > 500, is_cloud, "only points are shaded by depth");
+            let clipped = SceneStyle { clip: Clip::inside(&axes, &half), ..flat.clone() };
+            assert!(different(&plain, &agrees(&model, &camera, &clipped, "clipped").unwrap()) > 1000);
+            let mut faint = lit.clone();
+            (faint.appearance.isolated, faint.appearance.faint) = (Some(LabelId(1)), 0.3);
+            assert!(different(&shaded, &agrees(&model, &camera, &faint, "faint").unwrap()) > 500);
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! Drawing of 1, 5 and 20 million points at 1440 × 900 on whatever adapter is there: time to the first picture, pictures
+//! a second while the camera moves, and time until all is drawn once it rests. Numbers (in millions) may be given instead.
+
+#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a bench speaks to the user and may panic")]
+
+use std::f32::consts::TAU;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::Vec3;
+use ostra::scene::LabelledCloud;
+use ostra::view::{Bounds, Model, Orbit, Scene3d, SceneStyle, SceneView};
+
+/// Pictures drawn while the camera moves.
+const MOVES: usize = 60;
+const SIZE: (u32, u32) = (1440, 900);
+
+fn main() {
+    let adapter =
+        pollster::block_on(wgpu::Instance::default().request_adapter(&wgpu::RequestAdapterOptions::default())).unwrap();
+    println!("adapter: {}", adapter.get_info().name);
+    let (device, queue) = pollster::block_on(adapter.request_device(&Default::default())).unwrap();
+    let given: Vec<f64> = std::env::args().filter_map(|word| word.parse().ok()).collect();
+    for millions in if given.is_empty() { vec![1.0, 5.0, 20.0] } else { given } {
+        bench(&device, &queue, (millions * 1e6) as usize);
+    }
+}
+
+fn bench(device: &wgpu::Device, queue: &wgpu::Queue, points: usize) {
+    let cloud = Arc::new(sphere(points));
+    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    let mut orbit = Orbit::framing(&bounds, Vec3::new(0.2, 0.3, 1.0), Vec3::NEG_Y);
+    let mut view = SceneView::new(device, queue);
+    let draw = |view: &mut SceneView, orbit: &Orbit| {
+        let begun = Instant::now();
+        let camera = orbit.camera(SIZE.0, SIZE.1);
+        let whole = view.draw(&Scene3d { camera, style: SceneStyle::default(), lines: Vec::new() });
+        device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+        (whole, begun.elapsed())
+    };
+    let begun = Instant::now();
+    view.set_model(Model::Cloud(cloud));
+    draw(&mut view, &orbit);
+    let first = begun.elapsed();
+    let (mut slowest, mut uploads) = (Duration::ZERO, 1);
+    while let (false, took) = draw(&mut view, &orbit) {
+        (slowest, uploads) = (slowest.max(took), uploads + 1);
+    }
+    let uploaded = begun.elapsed();
+    let begun = Instant::now();
+    let mut drawn = 0;
+    for _ in 0..MOVES {
+        orbit.turn(TAU / MOVES as f32);
+        draw(&mut view, &orbit);
+        drawn += view.drawn().0;
+    }
+    let moving = begun.elapsed();
+    let begun = Instant::now();
+    while !draw(&mut view, &orbit).0 {}
+    println!(
+        "{:.1} M points: first picture {:.0} ms; all uploaded and drawn {:.2} s in {uploads} calls, the slowest {:.0} ms; \
+         moving {:.1} pictures/s of {:.2} M points; whole {:.0} ms after coming to rest",
+        points as f64 / 1e6,
+        first.as_secs_f64() * 1e3,
+        uploaded.as_secs_f64(),
+        slowest.as_secs_f64() * 1e3,
+        MOVES as f64 / moving.as_secs_f64(),
+        drawn as f64 / MOVES as f64 / 1e6,
+        begun.elapsed().as_secs_f64() * 1e3
+    );
+}
+
+fn sphere(points: usize) -> LabelledCloud {
+    let at = |i: usize| {
+        let z = 1.0 - 2.0 * (i as f32 + 0.5) / points as f32;
+        let (s, c) = (i as f32 * 2.399_963).sin_cos();
+        Vec3::new(c * (1.0 - z * z).sqrt(), s * (1.0 - z * z).sqrt(), z)
+    };
+    LabelledCloud::from_positions((0..points).map(at).collect())
+}

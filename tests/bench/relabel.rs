@@ -1,0 +1,78 @@
+//! Relabelling a cloud of a million points of `apc_shelf_rgbd_labels` after one mask changed: wall and CPU seconds and
+//! peak memory, of the frame alone and of all frames looked through for what changed.
+
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a bench speaks to the user and may panic"
+)]
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use ostra::engine::job::Progress;
+use ostra::masks::{LabelId, LabelMask, LabelTree};
+use ostra::scene::LabelledCloud;
+use ostra::scene::fuse::{ChangedMask, FuseOptions, Views, Votes, fuse, relabel, vote_again};
+
+#[path = "../support/mod.rs"]
+#[expect(dead_code, reason = "the benches share it with the integration tests and use a part")]
+mod support;
+
+const POINTS: u32 = 1_000_000;
+const CACHE_BYTES: usize = 64 << 20;
+const CHANGED: usize = 7;
+
+fn main() {
+    let Some(data) = support::data_dir() else { return };
+    let set = data.join("apc_shelf_rgbd_labels");
+    let mut shelf = support::recording::Recording::open(&set, "color", Some("depth"), Some("labels"), CACHE_BYTES);
+    let (cloud, votes) = million(&shelf);
+    println!("{} points seen by {} frames, peak {} MB", cloud.len(), votes.frames().count(), peak_memory_mb());
+    let changed = Arc::new(moved(&shelf.mask(CHANGED).unwrap()));
+    let (tree, progress) = (LabelTree::default(), Progress::default());
+    for round in 1..=3 {
+        let change = [ChangedMask { frame: CHANGED, mask: Some(Arc::clone(&changed)) }];
+        timed(&format!("relabel {round}"), || relabel(&cloud, &votes, &change, &tree, &progress).unwrap());
+    }
+    shelf.masks[CHANGED] = Some(changed);
+    timed("vote again", || vote_again(&cloud, &votes, &shelf, &tree, &progress).unwrap());
+}
+
+/// The first million of the shelf's points, with their votes.
+fn million(shelf: &support::recording::Recording) -> (LabelledCloud, Votes) {
+    let options = FuseOptions { voxel: Some(0.0008), ..FuseOptions::default() };
+    let fused = fuse(shelf, &LabelTree::default(), &options, &Progress::default()).unwrap();
+    let count = POINTS.min(fused.cloud.len() as u32);
+    let points: Vec<u32> = (0..count).collect();
+    (fused.cloud.select(&points), fused.votes.select(&points))
+}
+
+/// The mask with one object called another.
+fn moved(mask: &LabelMask) -> LabelMask {
+    let ids = mask.ids.iter().map(|&id| if id == LabelId(3) { LabelId(4) } else { id }).collect();
+    LabelMask { ids, ..*mask }
+}
+
+fn timed<T>(what: &str, work: impl FnOnce() -> T) {
+    let (start, cpu) = (Instant::now(), cpu_seconds());
+    let _done = work();
+    let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_seconds() - cpu);
+    println!("{what}: {wall:.3} s, {cpu:.2} s of CPU, peak {} MB", peak_memory_mb());
+}
+
+fn peak_memory_mb() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let peak =
+        status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok());
+    peak.unwrap_or(0) >> 10
+}
+
+/// CPU time of this process, in seconds.
+fn cpu_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let after_name = stat.rsplit(')').next().unwrap_or_default();
+    let ticks: f64 = after_name.split_whitespace().skip(11).take(2).filter_map(|t| t.parse::<f64>().ok()).sum();
+    ticks / 100.0
+}

@@ -1,0 +1,76 @@
+//! Labels as a tree that is changed by dragging, and instances that are looked at before they are made.
+
+use std::sync::Arc;
+
+use egui_kittest::kittest::{NodeT, Queryable};
+use ostra::masks::{Label, LabelId};
+use ostra::scene::instances::InstanceOptions;
+use ostra::session::{Command, InstancesRequest, ProposedInstances};
+
+use crate::desk::{Desk, labels};
+
+type Harness = egui_kittest::Harness<'static, Desk>;
+
+fn drag(harness: &mut Harness, from: &str, to: &str) {
+    let place = |harness: &Harness, name: &str| {
+        let row = harness.get_by_role_and_label(egui::Role::Button, name);
+        row.rect().left_center() + egui::vec2(30.0, 0.0)
+    };
+    let (from, to) = (place(harness, from), place(harness, to));
+    harness.drag_at(from);
+    harness.run_steps(2);
+    for share in [0.3, 0.7, 1.0] {
+        harness.hover_at(from.lerp(to, share));
+        harness.run_steps(2);
+    }
+    harness.drop_at(to);
+    harness.run_steps(2);
+}
+
+#[test]
+fn a_label_is_dragged_under_another_but_never_below_itself() {
+    let mut harness = Desk::sample().shown();
+    let pot = harness.state().project.labels.by_name("pot").unwrap().clone();
+    let plant = harness.state().project.labels.by_name("plant").unwrap().id;
+    drag(&mut harness, "pot", "plant");
+    assert_eq!(harness.state().asked, [Command::EditLabel(Label { parent: Some(plant), ..pot })]);
+    harness.state_mut().asked.clear();
+    drag(&mut harness, "plant", "leaf");
+    assert_eq!(harness.state().asked, [], "a leaf is a part of the plant");
+}
+
+#[test]
+fn instances_are_looked_at_and_then_made() {
+    let mut harness = Desk::sample().shown();
+    harness.get_by_label("More for leaf").click();
+    harness.run_steps(3);
+    harness.get_by_label("Find instances").click();
+    harness.run_steps(3);
+    let label = harness.state().project.labels.by_name("leaf").unwrap().id;
+    let request = InstancesRequest { label, options: InstanceOptions::default() };
+    assert_eq!(harness.state().shell.view.instances, Some(request));
+    assert!(harness.get_by_label("Make instances").accesskit_node().is_disabled(), "nothing is found yet");
+    let leaf =
+        |n: u16| Label { id: LabelId(10 + n), name: format!("leaf {n}"), color: [n as u8; 3], parent: Some(label) };
+    let cloud = Arc::clone(harness.state().cloud.as_ref().unwrap());
+    let found = vec![(leaf(1), 1200), (leaf(2), 70)];
+    harness.state_mut().proposed = Some(Arc::new(ProposedInstances { labels: found, cloud }));
+    harness.run_steps(3);
+    assert!(harness.query_by_label("2 found, shown in 3-D").is_some(), "{:?}", labels(&harness));
+    assert!(harness.query_by_label("leaf 2").is_some());
+    harness.get_by_label("Make instances").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().asked, [Command::Instances(request)]);
+    assert_eq!(harness.state().shell.view.instances, None);
+}
+
+#[test]
+fn instances_can_be_given_up() {
+    let mut harness = Desk::sample().shown();
+    let request = InstancesRequest { label: LabelId(2), options: InstanceOptions::default() };
+    harness.state_mut().shell.view.instances = Some(request);
+    harness.run_steps(3);
+    harness.get_by_label("Give up").click();
+    harness.run_steps(2);
+    assert_eq!((harness.state().shell.view.instances, harness.state().asked.len()), (None, 0));
+}

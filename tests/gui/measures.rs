@@ -1,0 +1,138 @@
+//! The window of measures, and the ruler.
+
+use std::sync::Arc;
+
+use egui::{Key, Modifiers};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use glam::Vec3;
+use ostra::engine::job::Progress;
+use ostra::masks::LabelId;
+use ostra::scene::LabelledCloud;
+use ostra::scene::measure::{GroundChoice, LengthUnit, MeasureOptions, TraitRow, measure};
+use ostra::session::{Command, ExportRequest};
+
+use crate::desk::{Desk, press, tree};
+
+/// A leaf of 10 × 100 mm and a pot of 40 × 40 mm, both flat.
+fn traits() -> Vec<TraitRow> {
+    let patch = |width: u32, length: u32, z: f32| {
+        (0..width * length).map(move |k| Vec3::new((k % width) as f32, (k / width) as f32, z) * 0.001)
+    };
+    let (leaf, pot) = (patch(10, 100, 50.0), patch(40, 40, 0.0));
+    let mut cloud = LabelledCloud::from_positions(leaf.chain(pot).collect());
+    cloud.labels = [vec![LabelId(2); 1000], vec![LabelId(3); 1600]].concat();
+    cloud.tree = tree();
+    measure(&cloud, &MeasureOptions::default(), &Progress::default()).unwrap()
+}
+
+fn shown() -> Harness<'static, Desk> {
+    let mut harness = Desk { traits: Some(Arc::new(traits())), ..Desk::sample() }.shown();
+    press(&mut harness, Modifiers::NONE, Key::F8);
+    harness
+}
+
+/// The rows' labels from top to bottom.
+fn order(harness: &Harness<'_, Desk>) -> Vec<String> {
+    let named = |name: &&str| harness.query_by_label(&format!("Measured {name}")).map(|node| node.rect().top());
+    let mut rows: Vec<(f32, &str)> =
+        ["plant", "leaf", "pot"].iter().filter_map(|name| Some((named(name)?, *name))).collect();
+    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+    rows.into_iter().map(|(_, name)| name.to_owned()).collect()
+}
+
+#[test]
+fn measures_are_listed_sorted_and_choose_labels() {
+    let mut harness = shown();
+    assert_eq!(order(&harness), ["plant", "leaf", "pot"]);
+    harness.get_by_label("Sort by Points").click();
+    harness.run_steps(2);
+    assert_eq!(order(&harness), ["pot", "plant", "leaf"], "the most first");
+    for _ in 0..2 {
+        harness.get_by_label("Sort by Width").click();
+        harness.run_steps(2);
+        assert_eq!(order(&harness).last().map(String::as_str), Some("pot"), "what has no width comes last");
+    }
+    harness.get_by_label("Order of the tree").click();
+    harness.run_steps(2);
+    assert_eq!(order(&harness), ["plant", "leaf", "pot"]);
+    harness.get_by_label("Measured pot").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().shell.view.label, Some(LabelId(3)));
+    assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
+}
+
+#[test]
+fn a_cell_tells_how_and_from_how_many_points() {
+    let mut harness = shown();
+    let area = traits().into_iter().find(|row| row.id == LabelId(3) && row.name == "area").unwrap();
+    let text = LengthUnit::Metre.text(area.value, area.dimension);
+    let cell = harness.query_all_by_label(&text).next().unwrap_or_else(|| panic!("{text}"));
+    let at = cell.rect().center();
+    harness.hover_at(at);
+    harness.run_steps(60);
+    let tip = format!("From {} points", area.points);
+    for told in [tip.as_str(), &area.definition] {
+        assert!(harness.query_all_by_label_contains(told).next().is_some(), "{told}");
+    }
+}
+
+#[test]
+fn measures_are_exported_as_they_are_shown() {
+    let mut harness = shown();
+    let label = GroundChoice::Label(LabelId(3));
+    harness.state_mut().shell.view.measures.wish.ground = label;
+    harness.state_mut().shell.view.measures.wish.level = Some(2);
+    harness.run_steps(2);
+    harness.get_by_label("Export CSV…").click();
+    harness.run_steps(3);
+    harness.get_by_label("Table file").focus();
+    harness.run_steps(2);
+    harness.event(egui::Event::Text("/out/traits.csv".into()));
+    harness.run_steps(2);
+    harness.get_by_label("Save").click();
+    harness.run_steps(2);
+    let request = ExportRequest {
+        traits: Some("/out/traits.csv".into()),
+        level: Some(2),
+        ground: label,
+        ..ExportRequest::default()
+    };
+    assert_eq!(harness.state().asked, [Command::Export(request)]);
+}
+
+#[test]
+fn a_table_without_measures_says_so_and_escape_closes_it() {
+    let mut harness = Desk::sample().shown();
+    press(&mut harness, Modifiers::NONE, Key::F8);
+    harness.get_by_label("Nothing could be measured.");
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    assert!(!harness.state().shell.view.measures.open);
+}
+
+#[test]
+fn the_ruler_reads_lines_and_angles_and_takes_clicks_back() {
+    let mut harness = Desk::sample().shown();
+    harness.get_by_label("Ruler").click();
+    harness.run_steps(2);
+    harness.get_by_label("Click the first point");
+    for at in [Vec3::ZERO, 0.3 * Vec3::X, Vec3::new(0.3, 0.4, 0.0)] {
+        harness.state_mut().shell.view.ruler.click(at);
+    }
+    harness.run_steps(2);
+    let reads = |harness: &Harness<'_, Desk>, text: &str| harness.query_all_by_label(text).next().is_some();
+    assert!(reads(&harness, "0.7000 m"), "{:?}", crate::desk::labels(&harness));
+    press(&mut harness, Modifiers::NONE, Key::Backspace);
+    assert!(reads(&harness, "0.3000 m"));
+    harness.get_by_label("Set scale");
+    harness.get_by_label("Undo click").click();
+    harness.run_steps(2);
+    harness.get_by_label("Click the next point");
+    harness.get_by_label("Angle").click();
+    harness.run_steps(2);
+    for at in [Vec3::X, Vec3::ZERO, Vec3::Y] {
+        harness.state_mut().shell.view.ruler.click(at);
+    }
+    harness.run_steps(2);
+    assert!(reads(&harness, "90.0°"));
+}

@@ -1,0 +1,96 @@
+//! The 3-D view: colours, light, sides, clip box, isolated labels.
+
+use egui::{Key, Modifiers};
+use egui_kittest::Harness;
+use egui_kittest::kittest::{NodeT, Queryable};
+use ostra::app::{ClipSides, Panes};
+use ostra::masks::LabelId;
+use ostra::view::Coloring;
+
+use crate::desk::{Desk, labels, press};
+
+fn shown() -> Harness<'static, Desk> {
+    let mut desk = Desk::sample();
+    desk.shell.view.prefs.panes = Panes::Scene;
+    desk.shown()
+}
+
+fn choose(harness: &mut Harness<'static, Desk>, menu: &str, item: &str) {
+    harness.get_by_label(menu).click();
+    harness.run_steps(3);
+    harness.get_all_by_label(item).last().unwrap().click();
+    harness.run_steps(3);
+}
+
+#[test]
+fn colours_show_what_was_chosen_and_votes_only_where_they_are_known() {
+    let mut harness = shown();
+    for (name, coloring) in [("Normals", Coloring::Normals), ("Height", Coloring::Height), ("Label", Coloring::Label)] {
+        choose(&mut harness, "Colour by", name);
+        assert_eq!(harness.state().shell.view.coloring, coloring, "{name}");
+    }
+    harness.get_by_label("Colour by").click();
+    harness.run_steps(3);
+    assert!(harness.get_by_label("Conflict").accesskit_node().is_disabled(), "{:?}", labels(&harness));
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    choose(&mut harness, "Level of labels", "Level 1");
+    assert_eq!(harness.state().shell.view.scene.level, Some(1));
+}
+
+#[test]
+fn light_projection_and_background_are_set_in_one_menu_that_stays_open() {
+    let mut harness = shown();
+    harness.get_by_label("Display").click();
+    harness.run_steps(3);
+    for name in ["Orthographic", "Eye-dome lighting", "Own background", "Scale bar", "Axes", "Turntable"] {
+        harness.get_by_label(name).click();
+        harness.run_steps(3);
+    }
+    let view = &harness.state().shell.view;
+    let scene = &view.prefs.scene;
+    assert!(scene.orthographic && !scene.edl && !scene.scale_bar && !scene.axes && view.scene.turning);
+    assert_eq!(scene.background, Some([255; 3]));
+    assert!(harness.query_by_label("Background colour").is_some());
+    assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
+}
+
+#[test]
+fn a_click_into_the_view_ends_the_turntable() {
+    let mut harness = shown();
+    press(&mut harness, Modifiers::ALT, Key::T);
+    assert!(harness.state().shell.view.scene.turning);
+    harness.get_by_label("3-D view").click();
+    harness.run_steps(3);
+    assert!(!harness.state().shell.view.scene.turning);
+}
+
+#[test]
+fn a_clip_box_and_a_slice_are_set_and_taken_away() {
+    let mut harness = shown();
+    harness.get_by_label("Clip").click();
+    harness.run_steps(3);
+    harness.get_by_label("Slice").click();
+    harness.run_steps(3);
+    let slice = harness.state().shell.view.scene.clip.slice.unwrap();
+    assert_eq!((slice.axis, slice.at), (1, 0.5));
+    assert!(harness.query_by_label("Clip Position").is_some(), "{:?}", labels(&harness));
+    for side in ["Left", "Right", "Bottom", "Top", "Front", "Back"] {
+        assert!(harness.query_by_label(&format!("Clip {side}")).is_some(), "{side}");
+    }
+    assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
+    harness.get_by_label("Show everything").click();
+    harness.run_steps(3);
+    assert_eq!(harness.state().shell.view.scene.clip, ClipSides::default());
+}
+
+#[test]
+fn alt_click_on_a_label_isolates_it_and_a_button_shows_all_again() {
+    let mut harness = shown();
+    assert!(harness.query_by_label("Show all labels").is_none());
+    harness.get_by_label("leaf").click_modifiers(Modifiers::ALT);
+    harness.run_steps(3);
+    assert_eq!(harness.state().shell.view.scene.isolated, Some(LabelId(2)));
+    harness.get_by_label("Show all labels").click();
+    harness.run_steps(3);
+    assert_eq!(harness.state().shell.view.scene.isolated, None);
+}

@@ -1,0 +1,101 @@
+//! `track --constrain` as a process: masks carried by flow and held against geometry, on the made scene and on a real shelf.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use ostra::engine::job::Progress;
+use ostra::masks::{LabelTree, RunMask, encode_palette_png, read_palette_png};
+use ostra::scene::synthetic::{Scene, SceneOptions};
+use serde_json::Value;
+
+use crate::support::data_dir;
+
+/// What the program said on standard output and standard error.
+fn done(words: &[&str], folder: &Path) -> (String, String) {
+    let out = Command::new(env!("CARGO_BIN_EXE_ostra")).args(words).current_dir(folder).output().unwrap();
+    let [said, told] = [out.stdout, out.stderr].map(|text| String::from_utf8(text).unwrap());
+    assert!(out.status.success(), "{words:?}: {told}");
+    (said, told)
+}
+
+/// Makes the folder `anchor` with the true mask of one frame alone.
+fn give_anchor(folder: &Path, truth: &Path, name: &str) {
+    std::fs::create_dir(folder.join("anchor")).unwrap();
+    std::fs::copy(truth.join(name), folder.join("anchor").join(name)).unwrap();
+}
+
+/// Mean J over all frames of the masks that flow carries from the anchor, and what was told while tracking.
+fn tracked(folder: &Path, new: &[&str], truth: &Path, constrain: bool) -> (f64, String) {
+    let project = if constrain { "held" } else { "free" };
+    done(&[&["new", project], new].concat(), folder);
+    done(&["masks", project, "import", "anchor"], folder);
+    let track = ["track", project, "--tracker", "flow"];
+    let (_, told) = done(&if constrain { [&track[..], &["--constrain"]].concat() } else { track.to_vec() }, folder);
+    let masks = format!("{project}-masks");
+    done(&["masks", project, "export", &masks], folder);
+    let eval = ["eval", "masks", "--truth", truth.to_str().unwrap(), "--result", &masks, "--json"];
+    let score: Value = serde_json::from_str(&done(&eval, folder).0).unwrap();
+    (score["j"].as_f64().unwrap(), told)
+}
+
+#[test]
+fn flow_on_a_made_recording_gains_by_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let options = SceneOptions { views: 8, width: 300, height: 400, arc_deg: 40.0, ..SceneOptions::default() };
+    let scene = Scene::build(&options).unwrap();
+    scene.write(folder, &Progress::default()).unwrap();
+    // Stems and leaves one by one.
+    for entry in std::fs::read_dir(folder.join("truth/masks")).unwrap() {
+        let path: PathBuf = entry.unwrap().path();
+        let mask = RunMask::encode(&read_palette_png(&path).unwrap().at_level(scene.tree(), 3));
+        std::fs::write(&path, encode_palette_png(&mask, &LabelTree::default()).unwrap()).unwrap();
+    }
+    let truth = folder.join("truth/masks");
+    give_anchor(folder, &truth, "000.png");
+    let depth_unit = Scene::DEPTH_UNIT_M.to_string();
+    let new = ["--frames", "color", "--depth", "depth", "--depth-unit", &depth_unit, "--cameras", "sparse"];
+    let (free, _) = tracked(folder, &new, &truth, false);
+    let (held, told) = tracked(folder, &new, &truth, true);
+    println!("made plant, flow from one true mask: J {free:.3}, constrained {held:.3}\n{told}");
+    assert!(told.contains("geometry mended"), "{told}");
+    assert!(held > free + 0.1, "J {free:.3}, constrained {held:.3}");
+    let info: Value = serde_json::from_str(&done(&["info", "held", "--json"], folder).0).unwrap();
+    assert_eq!(info["frames"][0]["mask"], "anchor");
+    assert_eq!(info["frames"][7]["mask"], "tracked");
+}
+
+#[test]
+fn flow_on_a_real_shelf_gains_by_it() {
+    let Some(data) = data_dir() else { return };
+    let set = data.join("apc_shelf_rgbd_labels");
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let truth = set.join("labels");
+    let mut names: Vec<_> = std::fs::read_dir(&truth).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    give_anchor(folder, &truth, names[7].to_str().unwrap());
+    let [color, depth, sparse] = ["color", "depth", "sparse"].map(|part| set.join(part).to_str().unwrap().to_owned());
+    let new = ["--frames", &color, "--depth", &depth, "--cameras", &sparse];
+    let (free, _) = tracked(folder, &new, &truth, false);
+    let (held, told) = tracked(folder, &new, &truth, true);
+    println!("apc shelf, flow from the true mask of frame 7: J {free:.3}, constrained {held:.3}\n{told}");
+    assert!(held > free, "J {free:.3}, constrained {held:.3}");
+}
+
+#[test]
+fn without_depth_and_cameras_it_says_what_to_add() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::create_dir(folder.join("frames")).unwrap();
+    let picture = image::RgbImage::from_pixel(40, 30, image::Rgb([90, 120, 60]));
+    ["0.png", "1.png"].iter().for_each(|name| picture.save(folder.join("frames").join(name)).unwrap());
+    done(&["new", "p", "--frames", "frames"], folder);
+    done(&["label", "p", "leaf"], folder);
+    done(&["prompt", "p", "--frame", "0", "--label", "leaf", "--box", "5,5,20,20"], folder);
+    let track = ["track", "p", "--tracker", "flow", "--constrain"];
+    let out = Command::new(env!("CARGO_BIN_EXE_ostra")).args(track).current_dir(folder).output().unwrap();
+    let told = String::from_utf8(out.stderr).unwrap();
+    assert_eq!(out.status.code(), Some(1), "{told}");
+    assert!(told.contains("--constrain needs frames with depth and cameras"), "{told}");
+}

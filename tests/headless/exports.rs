@@ -1,0 +1,121 @@
+//! Clouds and measures for other programs, through the command line.
+
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use ostra::scene::measure::LengthUnit;
+use ostra::session::{Command, MeasureWish, Session};
+
+use super::command_line::{Recording, done, refused};
+
+/// A recording's project with a cloud in which a red square, 1 m away, is labelled `thing` below `object`.
+fn fused() -> (Recording, String) {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "object"]);
+    done(&["label", &project, "thing", "--parent", "object"]);
+    done(&["label", &project, "nothing"]);
+    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&["track", &project, "--tracker", "geometry"]);
+    done(&["fuse", &project, "--voxel", "0.01"]);
+    (recording, project)
+}
+
+/// Deepest label and class of every point.
+fn las_labels(path: &str) -> Vec<(u16, u8)> {
+    let points = las::Reader::from_path(path).unwrap().read_all().unwrap();
+    let label = |point: &las::Point| u16::from_le_bytes([point.extra_bytes[0], point.extra_bytes[1]]);
+    points.points().map(Result::unwrap).map(|point| (label(&point), u8::from(point.classification))).collect()
+}
+
+#[test]
+fn clouds_are_written_for_other_programs() {
+    let (recording, project) = fused();
+    let [las, laz, pcd, ply] = ["c.las", "c.laz", "c.pcd", "c.ply"].map(|name| recording.path(&format!("out/{name}")));
+    done(&["export", &project, "--cloud", &las, "--twin", "--per-label"]);
+    for other in [&laz, &pcd, &ply] {
+        done(&["export", &project, "--cloud", other]);
+    }
+    let labels = las_labels(&las);
+    assert!(labels.len() > 500);
+    assert_eq!(labels.iter().copied().collect::<BTreeSet<_>>(), BTreeSet::from([(0, 0), (2, 64)]));
+    assert_eq!(las_labels(&laz), labels);
+    let of_thing = labels.iter().filter(|(label, _)| *label == 2).count();
+    assert_eq!(las_labels(&recording.path("out/c_thing.las")).len(), of_thing);
+    assert_eq!(las_labels(&recording.path("out/c_labels.las")).len(), labels.len());
+    let head = String::from_utf8_lossy(&std::fs::read(&pcd).unwrap()).into_owned();
+    assert!(head.contains(&format!("\nPOINTS {}\n", labels.len())));
+    let classes = std::fs::read_to_string(recording.path("out/c.classes.json")).unwrap();
+    let classes: serde_json::Value = serde_json::from_str(&classes).unwrap();
+    assert_eq!((&classes[1]["name"], &classes[1]["las_class"]), (&"thing".into(), &64.into()));
+
+    done(&["export", &project, "--cloud", &las, "--level", "1"]);
+    assert!(las_labels(&las).contains(&(1, 64)), "read at the top level");
+}
+
+#[test]
+fn what_cannot_be_exported_is_one_line_and_leaves_nothing() {
+    let (recording, project) = fused();
+    let wrong = recording.path("out/c.xyz");
+    assert!(refused(&["export", &project, "--cloud", &wrong]).contains(".ply, .las, .laz, .pcd"));
+    let file = recording.path("file");
+    std::fs::write(&file, "").unwrap();
+    let below = format!("{file}/c.las");
+    assert!(refused(&["export", &project, "--cloud", &below]).contains("file"));
+    let traits = recording.path("t.csv");
+    let wrong = refused(&["export", &project, "--traits", &traits, "--ground", "table"]);
+    assert!(wrong.contains("no label 'table'"), "{wrong}");
+    let wrong = refused(&["export", &project, "--traits", &traits, "--ground", "nothing"]);
+    assert!(wrong.contains("'nothing' has no points"), "{wrong}");
+    assert!(!Path::new(&traits).exists() && !Path::new(&recording.path("out")).exists());
+}
+
+#[test]
+fn measures_come_in_the_unit_asked_for_with_their_points() {
+    let (recording, project) = fused();
+    let csv = |arguments: &[&str]| {
+        let path = recording.path("traits.csv");
+        done(&[&["export", &project, "--traits", &path], arguments].concat());
+        std::fs::read_to_string(path).unwrap()
+    };
+    let found = |csv: &str, name: &str| {
+        let row = csv.lines().find(|line| line.starts_with(&format!("thing,object › thing,0,{name},"))).unwrap();
+        let cells: Vec<&str> = row.split(',').collect();
+        (cells[4].parse::<f64>().unwrap(), cells[5].to_owned(), cells[cells.len() - 1].parse::<usize>().unwrap())
+    };
+    // The square is 16 × 20 pixels of 1/60 m; the plane z = 2 lies behind it.
+    let plain = csv(&[]);
+    assert!(plain.starts_with("label,path,instance,trait,value,unit,definition,points\n"));
+    let (area, unit, points) = found(&plain, "area");
+    assert!((area / (16.0 * 20.0 / 3600.0) - 1.0).abs() < 0.15 && unit == "m^2" && points > 100, "{area} {unit}");
+    let (width, _, _) = found(&plain, "box_x");
+    assert!((width - 16.0 / 60.0).abs() < 0.03, "{width}");
+    let given = csv(&["--ground", "0,0,-1,-2", "--unit", "mm"]);
+    let (height, unit, _) = found(&given, "height_max");
+    assert!((height - 1000.0).abs() < 15.0 && unit == "mm", "{height} {unit}");
+    let (fine, unit, _) = found(&given, "area");
+    assert!((fine / 1e6 / area - 1.0).abs() < 1e-4 && unit == "mm^2");
+}
+
+#[test]
+fn a_job_measures_what_is_looked_at() {
+    let (_recording, project) = fused();
+    let mut session = Session::new();
+    session.act(Command::Open(project.into())).unwrap();
+    let mut asked = |level| {
+        let wish = MeasureWish { level, ..MeasureWish::default() };
+        let mut answered = 0;
+        // First the cloud is loaded, then it is measured.
+        while session.traits(wish).is_none() && answered < 4 {
+            session.settle(|_| ControlFlow::Continue(()));
+            answered += 1;
+        }
+        assert_eq!(session.length_unit(), LengthUnit::Metre, "depths tell the scale");
+        assert!(answered > 0, "what was measured otherwise is not shown");
+        let rows = session.traits(wish).expect("it is measured");
+        rows.iter().map(|row| row.label.clone()).collect::<BTreeSet<String>>().into_iter().collect::<Vec<_>>()
+    };
+    assert_eq!(asked(None), ["object", "thing"]);
+    assert_eq!(asked(Some(1)), ["object"]);
+}

@@ -1,0 +1,82 @@
+//! Pictures and films of the cloud, as a user of the command line makes them.
+
+use std::path::Path;
+use std::process::Command;
+
+use super::command_line::{Recording, done, refused};
+use crate::support::film::has_ffmpeg;
+
+/// A project whose red thing is labelled on all four frames, voted on.
+fn voted(recording: &Recording) -> String {
+    let project = recording.project();
+    done(&["label", &project, "thing", "--color", "#d02818"]);
+    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&["track", &project, "--tracker", "geometry"]);
+    assert!(refused(&["shot", &project, &recording.path("early.png")]).contains("fuse"));
+    done(&["fuse", &project, "--voxel", "0.01"]);
+    project
+}
+
+#[test]
+fn every_colour_shows_what_it_says_in_the_middle_of_the_thing() {
+    let recording = Recording::new();
+    let project = voted(&recording);
+    let shot = recording.path("shot.png");
+    let wanted = [
+        ("rgb", [210, 40, 30]),
+        ("labels", [208, 40, 24]),
+        ("confidence", [253, 231, 37]),
+        ("conflict", [68, 1, 84]),
+        ("views", [253, 231, 37]),
+        ("normals", [128, 128, 0]),
+    ];
+    for (color, wanted) in wanted {
+        done(&["shot", &project, &shot, "--color", color, "--size", "200x160"]);
+        let picture = image::open(&shot).unwrap().to_rgb8();
+        assert_eq!(picture.dimensions(), (200, 160));
+        let middle = picture.get_pixel(100, 80).0;
+        assert!(middle.iter().zip(wanted).all(|(a, b)| a.abs_diff(b) <= 8), "{color}: {middle:?}");
+    }
+    done(&["shot", &project, &shot, "--color", "height", "--size", "200x160"]);
+    let picture = image::open(&shot).unwrap().to_rgb8();
+    let [above, below] = [55, 105].map(|y| picture.get_pixel(100, y).0);
+    assert!(above[0] > below[0] && above[1] > below[1], "yellow {above:?} is above violet {below:?}");
+    let said = refused(&["shot", &project, &shot, "--color", "views", "--model", "mesh"]);
+    assert!(said.contains("--model cloud"), "{said}");
+}
+
+#[test]
+fn a_transparent_picture_covers_what_is_drawn_and_nothing_else() {
+    let recording = Recording::new();
+    let project = voted(&recording);
+    for (model, partly) in [("cloud", false), ("mesh", true)] {
+        let shot = recording.path("shot.png");
+        done(&["shot", &project, &shot, "--model", model, "--transparent", "--size", "400x100"]);
+        let picture = image::open(&shot).unwrap();
+        assert!(picture.color().has_alpha(), "{model}");
+        let picture = picture.to_rgba8();
+        assert_eq!((picture.get_pixel(200, 50).0[3], picture.get_pixel(2, 50).0[3]), (255, 0), "{model}");
+        let between = picture.pixels().filter(|pixel| !matches!(pixel.0[3], 0 | 255)).count();
+        assert_eq!(between > 0, partly, "{model}: borders of a mesh are smooth");
+    }
+}
+
+#[test]
+fn a_turntable_film_has_the_pictures_asked_for_and_names_what_is_missing() {
+    let recording = Recording::new();
+    let project = voted(&recording);
+    let (shot, film) = (recording.path("shot.png"), recording.path("turn.mp4"));
+    let words = ["shot", &project, &shot, "--size", "161x120", "--turntable", &film, "--seconds", "1", "--fps", "6"];
+    let without = Command::new(env!("CARGO_BIN_EXE_ostra")).args(words).env("PATH", "").output().unwrap();
+    let said = String::from_utf8_lossy(&without.stderr).into_owned();
+    assert!(without.status.code() == Some(1) && said.contains("install ffmpeg"), "{said}");
+    if !has_ffmpeg() {
+        return;
+    }
+    done(&words);
+    let count =
+        "-v error -count_frames -select_streams v:0 -show_entries stream=width,height,nb_read_frames -of csv=p=0";
+    let probed = Command::new("ffprobe").args(count.split(' ')).arg(&film).output().unwrap();
+    assert_eq!(String::from_utf8_lossy(&probed.stdout).trim(), "162,120,6", "odd sides get a column more");
+    assert!(!Path::new(&recording.path("turn.part.mp4")).exists());
+}
