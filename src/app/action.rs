@@ -22,6 +22,8 @@ pub enum Action {
     ImportMasks,
     /// Dialog for exports.
     Export,
+    /// Dialog for a picture or film of the 3-D view.
+    SavePicture,
     /// Writes the history as a recipe.
     SaveRecipe,
     /// The networks that are known, and getting them.
@@ -323,6 +325,7 @@ const LIST: &[Row] = {
         A::Relocate, FILE, false, "Frames were moved…", "Says where the files of frames are now that were moved", None;
         A::ImportMasks, FILE, false, "Import masks…", "Reads masks from a folder; their frames become anchors", None;
         A::Export, FILE, true, "Export…", "Writes cloud, mesh, traits, cameras, masks or depths to files", ctrl(Key::E);
+        A::SavePicture, FILE, false, "Picture of the 3-D view…", "Writes what the 3-D view shows as a picture of any size, or as a film of one turn", ctrl_shift(Key::E);
         A::SaveRecipe, FILE, false, "Save history as recipe…", "Writes the steps so far as a recipe for 'ostra run'", None;
         A::Models, FILE, true, "Networks…", "Shows which networks are installed, gets, adds and checks them", None;
         A::Close, FILE, true, "Close project", "Closes the project; everything is already saved", ctrl(Key::W);

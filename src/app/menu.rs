@@ -42,6 +42,7 @@ pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> 
         A::AddFrames | A::ImportMasks | A::SaveRecipe => look.root.is_some(),
         A::Relocate => look.has_frames(),
         A::Close => look.root.is_some() || look.inspected.is_some(),
+        A::SavePicture => look.points().is_some(),
         A::Export => look.root.is_some() || look.cloud.is_some(),
         A::Stop => !look.jobs.is_empty(),
         A::Undo => look.undo.is_some(),

@@ -123,6 +123,7 @@ fn dialog_of(action: Action, look: &Look<'_>, view: &ViewState) -> Option<Dialog
         Action::Open => Dialog::Path(PathWish::OpenProject),
         Action::Inspect => Dialog::Path(PathWish::InspectPly),
         Action::ImportMasks => Dialog::Path(PathWish::ImportMasks),
+        Action::SavePicture => Dialog::Picture,
         Action::SaveRecipe => Dialog::Path(PathWish::SaveRecipe),
         _ => return None,
     })

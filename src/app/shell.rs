@@ -2,7 +2,7 @@ use egui::{CentralPanel, Context, Frame, Margin, Panel, ScrollArea, Stroke, Ui};
 
 use super::canvas::picture_pane_ui;
 use super::dialogs::{
-    export_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, relocate_ui, sheet_ui, take_picked,
+    export_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, picture_ui, relocate_ui, sheet_ui, take_picked,
 };
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
@@ -161,6 +161,7 @@ impl Shell {
             Some(dialog @ (Dialog::NewProject | Dialog::AddFrames)) => new_project_ui(ui, view, dialog, out),
             Some(Dialog::Relocate) => relocate_ui(ui, view, out),
             Some(Dialog::Export) => export_ui(ui, look, view, out),
+            Some(Dialog::Picture) => picture_ui(ui, view),
             Some(Dialog::Models) => models_ui(ui, look, view, out),
             Some(Dialog::Shortcuts) => sheet_ui(ui, view),
             Some(Dialog::Palette) => palette_ui(ui, look, view, wishes),

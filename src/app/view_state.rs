@@ -4,13 +4,15 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::canvas::{Draft, Rest, Tool, ZoomState};
-use super::dialogs::{ExportForm, ModelsForm, NewProjectForm, PathPicker, RelocateForm, SheetState};
+use super::dialogs::{
+    ExportForm, ModelsForm, NewProjectForm, PathPicker, PictureForm, PictureWish, RelocateForm, SheetState,
+};
 use super::panels::{Asked, LabelEditing, MatchView, MeasureView, PointCounts, Ruler, SceneSelect, Words};
 use super::presence::Presence;
 use super::{Look, Notices, Prefs, SceneLook};
 use crate::masks::{Direction, LabelId, MaskFormat};
 use crate::session::{FuseRequest, InstancesRequest, PromptRequest, ReconstructRequest, Surface, TrackSettings};
-use crate::view::{Coloring, Layer, Side};
+use crate::view::{Coloring, Layer, Portrait, Side};
 
 /// All that belongs to looking and not to the project: the frame shown, the tool, the eye. Never saved with a project.
 pub struct ViewState {
@@ -62,6 +64,12 @@ pub struct ViewState {
     pub new_project: NewProjectForm,
     /// Form of the export dialog.
     pub export: ExportForm,
+    /// Form of the dialog for pictures.
+    pub picture: PictureForm,
+    /// A picture that the 3-D view is to make.
+    pub picture_wish: Option<PictureWish>,
+    /// What is drawn of the 3-D view for it.
+    pub portrait: Option<(PictureWish, Portrait)>,
     /// Form of the dialog for moved frames.
     pub relocate: RelocateForm,
     /// Form of the dialog of networks.
@@ -168,6 +176,8 @@ pub enum Dialog {
     Relocate,
     /// Writing results to files.
     Export,
+    /// A picture or film of the 3-D view.
+    Picture,
     /// The networks and getting them.
     Models,
     /// The shortcut sheet.
@@ -247,6 +257,9 @@ impl ViewState {
             dialog: None,
             new_project: NewProjectForm::default(),
             export: ExportForm::default(),
+            picture: PictureForm::default(),
+            picture_wish: None,
+            portrait: None,
             relocate: RelocateForm::default(),
             models: ModelsForm::default(),
             mask_format: MaskFormat::default(),

@@ -1,16 +1,18 @@
+use std::f32::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Result;
 use egui::{Context, ViewportBuilder, ViewportCommand};
 
-use super::dialogs::NewProjectForm;
+use super::dialogs::{NewProjectForm, PictureWish, Take};
 use super::theme::set_theme;
 use super::{Dialog, Layers, Look, Prefs, Severity, Shell, layers_of};
-use crate::frames::Frame;
+use crate::frames::{FilmOptions, Frame};
 use crate::session::{
     Command, Engine, Estimate, Event, Pictures, Project, Provider, Recent, Row, Session, engines, list_models,
 };
+use crate::view::{Portrait, write_png};
 
 /// Opens the window; `path` is a project, a folder of frames, a film or a labelled PLY to begin with.
 ///
@@ -158,6 +160,9 @@ impl Window {
         if let Some(path) = self.shell.view.recipe_to.take() {
             self.save_recipe(&path);
         }
+        if let Some((wish, portrait)) = self.shell.view.portrait.take() {
+            self.portray(&wish, portrait);
+        }
         if changes {
             ui.ctx().request_repaint();
         }
@@ -231,6 +236,24 @@ impl Window {
     fn window_title(&self) -> String {
         let open = self.session.root().or(self.session.inspected()).and_then(Path::file_name);
         open.map_or("OSTRA".into(), |name| format!("{} – OSTRA", name.to_string_lossy()))
+    }
+
+    /// Draws a picture or film of the 3-D view in the background.
+    fn portray(&mut self, wish: &PictureWish, portrait: Portrait) {
+        let size = wish.size;
+        match wish.take {
+            Take::Still { transparent } => {
+                let write =
+                    move |path: &Path| Ok(write_png(path, &portrait.draw(size, 0.0, transparent), transparent)?);
+                self.session.write_picture(&wish.path, write);
+            }
+            Take::Turntable { count, fps } => {
+                let options = FilmOptions { size, count, fps: f64::from(fps) };
+                self.session.write_film(&wish.path, options, move |number| {
+                    portrait.draw(size, TAU * number as f32 / count as f32, false).image
+                });
+            }
+        }
     }
 
     fn save_recipe(&mut self, path: &Path) {

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use anyhow::{Context, Result};
 
 use super::args::{DemoArgs, MethodName, SceneName};
@@ -6,7 +8,7 @@ use super::print::say;
 use crate::scene::synthetic::{SceneKind, SceneOptions};
 use crate::session::Session;
 use crate::session::demo::{DemoMethod, DemoOptions, run_demo};
-use crate::view::{Appearance, Coloring, SceneStyle, ShotOptions, shot, write_png};
+use crate::view::{Appearance, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png};
 
 pub(super) fn demo(args: &DemoArgs) -> Result<()> {
     let method = match args.method {
@@ -41,9 +43,11 @@ fn draw(session: &Session, args: &DemoArgs) -> Result<()> {
     let cloud = session.cloud().context("the cloud is missing")?;
     let project = session.project().context("the project is missing")?;
     let appearance = Appearance { coloring: Coloring::Label, ..Appearance::default() };
-    let options = ShotOptions { size: (960, 1280), style: SceneStyle { appearance, ..SceneStyle::default() } };
-    let picture = shot(cloud, &project.frames, &options)?;
-    Ok(write_png(&args.out.join("shot.png"), &picture, false)?)
+    let (width, height) = (960, 1280);
+    let orbit = default_view(cloud, &project.frames, width as f32 / height as f32).ok_or(ViewError::Empty)?;
+    let style = SceneStyle { appearance, ..SceneStyle::default() };
+    let portrait = Portrait { model: Model::Cloud(Arc::clone(cloud)), orbit, style, rows: height };
+    Ok(write_png(&args.out.join("shot.png"), &portrait.draw((width, height), 0.0, false), false)?)
 }
 
 /// Whether a window can be opened; other systems than X11 and Wayland always have one.

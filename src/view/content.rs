@@ -26,6 +26,15 @@ pub enum Model {
 }
 
 impl Model {
+    /// Its points or vertices.
+    #[must_use]
+    pub fn points(&self) -> &LabelledCloud {
+        match self {
+            Self::Cloud(cloud) => cloud,
+            Self::Surface(mesh) | Self::Wireframe(mesh) => &mesh.vertices,
+        }
+    }
+
     /// Whether it is the very same thing, shown in the same way.
     fn is(&self, other: &Self) -> bool {
         match (self, other) {

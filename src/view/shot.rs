@@ -3,9 +3,9 @@ use std::path::Path;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{Axes, Bounds, Orbit, SceneStyle, ViewError, draw_cloud, draw_mesh};
+use super::{Axes, Bounds, Orbit, ViewError};
 use crate::frames::{Frame, Image};
-use crate::scene::{LabelledCloud, LabelledMesh};
+use crate::scene::LabelledCloud;
 
 /// A drawn picture.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,27 +16,6 @@ pub struct Shot {
     pub opacity: Vec<u8>,
 }
 
-/// What a shot shows.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ShotOptions {
-    /// Columns and rows in pixels.
-    pub size: (u32, u32),
-    /// How it is drawn.
-    pub style: SceneStyle,
-}
-
-impl Default for ShotOptions {
-    fn default() -> Self {
-        Self { size: (1280, 960), style: SceneStyle::default() }
-    }
-}
-
-impl ShotOptions {
-    fn aspect(&self) -> f32 {
-        self.size.0 as f32 / self.size.1.max(1) as f32
-    }
-}
-
 impl Shot {
     /// Pixels that are drawn (opacity above 0) or show the background.
     pub(super) fn of_pixels(width: u32, height: u32, pixels: impl IndexedParallelIterator<Item = [u8; 4]>) -> Self {
@@ -45,7 +24,7 @@ impl Shot {
     }
 
     /// Half as large: each pixel's colour is the mean of four, or of those that are drawn where the background is left out.
-    fn halved(&self, without_background: bool) -> Self {
+    pub(super) fn halved(&self, without_background: bool) -> Self {
         let (width, height) = (self.image.width / 2, self.image.height / 2);
         let mean = |at: usize| {
             let (x, y) = (at % width as usize * 2, at / width as usize * 2);
@@ -60,29 +39,6 @@ impl Shot {
         let (pixels, opacity) = (0..width as usize * height as usize).into_par_iter().map(mean).unzip();
         Self { image: Image { width, height, pixels }, opacity }
     }
-}
-
-/// Draws a cloud as [`default_view`] sees it, on the CPU: the same picture on every machine.
-///
-/// # Errors
-/// [`ViewError::Empty`] without points.
-pub fn shot(cloud: &LabelledCloud, frames: &[Frame], options: &ShotOptions) -> Result<Shot, ViewError> {
-    let orbit = default_view(cloud, frames, options.aspect()).ok_or(ViewError::Empty)?;
-    Ok(shot_from(cloud, &orbit, options))
-}
-
-/// Draws a cloud on the CPU from anywhere.
-#[must_use]
-pub fn shot_from(cloud: &LabelledCloud, orbit: &Orbit, options: &ShotOptions) -> Shot {
-    draw_cloud(cloud, &orbit.camera(options.size.0, options.size.1), &options.style)
-}
-
-/// Draws a mesh on the CPU from anywhere, each pixel the mean of four; `transparent` leaves the background out of the
-/// means.
-#[must_use]
-pub fn shot_mesh_from(mesh: &LabelledMesh, orbit: &Orbit, options: &ShotOptions, transparent: bool) -> Shot {
-    let (width, height) = options.size;
-    draw_mesh(mesh, &orbit.camera(width * 2, height * 2), &options.style).halved(transparent)
 }
 
 /// The view that shows the labelled points (all points where none has a label) as the cameras saw them: along the

@@ -5,9 +5,13 @@ use std::time::{Duration, Instant};
 
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
+use glam::Vec3;
 use ostra::app::{Prefs, Shell, Window};
+use ostra::engine::job::Progress;
 use ostra::frames::{FrameFolder, OpenRequest};
 use ostra::masks::LabelId;
+use ostra::scene::LabelledCloud;
+use ostra::scene::ply::{Coloring, save_ply};
 use ostra::session::{Command, NewProject, Recent};
 
 type Shown = Harness<'static, Option<Window>>;
@@ -99,4 +103,37 @@ fn closing_brings_the_first_page_back() {
     inner(&mut harness).act(Command::Close);
     until(&mut harness, "nothing is open", |harness| harness.query_by_label("Frame 0, no mask").is_none());
     assert!(harness.query_by_label("New project from frames…").is_some());
+}
+
+/// Fills in the dialog for pictures; the file named last is written.
+fn write_picture(harness: &mut Shown, field: &str, path: &Path) {
+    harness.get_by_label(field).focus();
+    harness.run_steps(2);
+    harness.event(egui::Event::Text(path.display().to_string()));
+    harness.run_steps(2);
+    harness.get_by_label("Write").click();
+    until(harness, "the file is written", |_| path.is_file());
+}
+
+#[test]
+fn what_the_scene_view_shows_is_written_as_a_picture_of_any_size() {
+    let dir = tempfile::tempdir().unwrap();
+    let (ply, png) = (dir.path().join("cloud.ply"), dir.path().join("seen.png"));
+    let plane = (0..10_000).map(|k| Vec3::new((k % 100) as f32, (k / 100) as f32, 0.0) * 0.01);
+    let mut cloud = LabelledCloud::from_positions(plane.collect());
+    cloud.colors = vec![[200, 40, 30]; cloud.len()];
+    save_ply(&ply, &cloud, Coloring::Picture, &Progress::default()).unwrap();
+    let mut harness = window();
+    inner(&mut harness).act(Command::Inspect(ply));
+    until(&mut harness, "the cloud is there", |harness| inner(harness).session().cloud().is_some());
+    harness.key_press_modifiers(egui::Modifiers::COMMAND | egui::Modifiers::SHIFT, egui::Key::E);
+    harness.run_steps(6);
+    harness.get_by_label("Transparent background").click();
+    harness.run_steps(2);
+    write_picture(&mut harness, "Picture file", &png);
+    let picture = image::open(&png).unwrap().to_rgba8();
+    assert_eq!(picture.dimensions(), (1920, 1080));
+    let [r, g, b, opacity] = picture.get_pixel(960, 540).0;
+    assert!(opacity == 255 && r > 150 && g < 70 && b < 70, "{r} {g} {b} {opacity}");
+    assert_eq!(picture.get_pixel(3, 3).0[3], 0);
 }

@@ -39,6 +39,8 @@ pub(in crate::app) enum PickTarget {
     MovedTo,
     /// Files of a network.
     Network,
+    /// A picture or film of the 3-D view.
+    Picture,
     /// The path of a dialog with nothing but a path.
     Path(PathWish),
 }
@@ -104,6 +106,7 @@ pub(in crate::app) fn take_picked(ctx: &Context, view: &mut ViewState) {
         PickTarget::MovedFrom => view.relocate.from = text,
         PickTarget::MovedTo => view.relocate.to = text,
         PickTarget::Network => view.models.path = text,
+        PickTarget::Picture => view.picture.path = text,
         PickTarget::Path(_) => view.path_text = text,
     }
 }

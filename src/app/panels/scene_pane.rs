@@ -14,8 +14,8 @@ use crate::app::{Action, Look, Shown, ViewState};
 use crate::frames::Frame;
 use crate::scene::LabelledCloud;
 use crate::view::{
-    Appearance, Axes, Bounds, Clip, Model, Orbit, Scene3d, SceneStyle, ViewCamera, default_view, frustum_lines,
-    link_lines, pick_frustum, pick_point,
+    Appearance, Axes, Bounds, Clip, Model, Orbit, Portrait, Scene3d, SceneStyle, ViewCamera, default_view,
+    frustum_lines, link_lines, pick_frustum, pick_point,
 };
 
 /// The 3-D view: where it is seen from, and the texture it is drawn into.
@@ -79,6 +79,13 @@ impl ScenePane {
         self.turn(ui, &response, view);
         self.input(ui, &response, look, view, &camera);
         self.draw(ui, rect, look, view);
+        if let Some(wish) = view.picture_wish.take() {
+            let portrait = model(look, view).map(|model| {
+                let (style, rows) = (self.style(ui, look, view), camera.height);
+                Portrait { model, orbit, style, rows }
+            });
+            view.portrait = portrait.map(|portrait| (wish, portrait));
+        }
         asked_ui(ui, rect, look, view);
         chosen_ui(ui, rect, &camera, look, view, wishes);
     }
@@ -147,6 +154,19 @@ impl ScenePane {
         };
         let clip = self.framed.extent.map_or_else(Clip::default, |extent| view.scene.clip.clip(&axes, &extent));
         Seen { appearance, clip }
+    }
+
+    /// How the scene is drawn on a screen of this scale.
+    fn style(&self, ui: &Ui, look: &Look<'_>, view: &ViewState) -> SceneStyle {
+        let Seen { appearance, clip } = self.seen(look, view);
+        let (fill, scene) = (ui.visuals().extreme_bg_color, &view.prefs.scene);
+        SceneStyle {
+            appearance,
+            clip,
+            point_px: view.prefs.point_size * ui.pixels_per_point() * 0.5,
+            background: scene.background.unwrap_or([fill.r(), fill.g(), fill.b()]),
+            edl_strength: if scene.edl { scene.edl_strength } else { 0.0 },
+        }
     }
 
     fn look_through(&mut self, frame: Option<&Frame>) {
@@ -232,7 +252,7 @@ impl ScenePane {
     }
 
     fn draw(&mut self, ui: &Ui, rect: Rect, look: &Look<'_>, view: &ViewState) {
-        let seen = self.seen(look, view);
+        let style = self.style(ui, look, view);
         let (Some(orbit), Some(canvas)) = (self.orbit, &mut self.canvas) else {
             return message(
                 ui,
@@ -253,15 +273,7 @@ impl ScenePane {
         }
         lines.extend(view.ruler.lines(self.framed.radius * 0.012));
         lines.extend(view.asked.iter().flat_map(|asked| asked.lines(self.framed.radius * 0.012)));
-        let fill = ui.visuals().extreme_bg_color;
         let camera = orbit.camera(size.x.min(most) as u32, size.y.min(most) as u32);
-        let style = SceneStyle {
-            appearance: seen.appearance,
-            clip: seen.clip,
-            point_px: view.prefs.point_size * scale * 0.5,
-            background: view.prefs.scene.background.unwrap_or([fill.r(), fill.g(), fill.b()]),
-            edl_strength: if view.prefs.scene.edl { view.prefs.scene.edl_strength } else { 0.0 },
-        };
         if !canvas.draw(ui, rect, model(look, view), &Scene3d { camera, style, lines }) {
             ui.ctx().request_repaint();
         }

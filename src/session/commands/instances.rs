@@ -18,7 +18,8 @@ impl Session {
     /// points in every mask, and the points of the cloud with them, in one step.
     pub(in crate::session) fn instances(&mut self, request: &InstancesRequest) -> Result<JobId> {
         request.options.check()?;
-        let title = format!("Instances of {}", label_name(&self.snapshot()?, request.label)?);
+        let project = self.snapshot()?;
+        let title = format!("Instances of {}", label_name(&project, request.label)?);
         let request = *request;
         self.correct(&title, move |correcting, progress| correcting.split(&request, progress))
     }
