@@ -74,3 +74,22 @@ fn instances_can_be_given_up() {
     harness.run_steps(2);
     assert_eq!((harness.state().shell.view.instances, harness.state().asked.len()), (None, 0));
 }
+
+#[test]
+fn a_label_is_merged_into_another_or_moved_by_its_menu() {
+    let mut harness = Desk::sample().shown();
+    for (menu, item) in [("Merge into", "plant"), ("Move under", "leaf")] {
+        harness.get_by_label("More for pot").click();
+        harness.run_steps(3);
+        harness.get_by_label(menu).click();
+        harness.run_steps(3);
+        harness.get_all_by_label(item).last().unwrap().click();
+        harness.run_steps(3);
+        crate::desk::press(&mut harness, egui::Modifiers::NONE, egui::Key::Escape);
+    }
+    let labels = &harness.state().project.labels;
+    let [plant, leaf, pot] = ["plant", "leaf", "pot"].map(|name| labels.by_name(name).unwrap().clone());
+    let asked = &harness.state().asked;
+    let moved = Command::EditLabel(Label { parent: Some(leaf.id), ..pot.clone() });
+    assert_eq!(asked[..], [Command::MergeLabels { label: pot.id, into: plant.id }, moved]);
+}

@@ -2,7 +2,7 @@ use egui::{Key, TextEdit, Ui};
 
 use super::labels::listed;
 use crate::app::{Look, ViewState};
-use crate::masks::{Label, LabelId};
+use crate::masks::{Label, LabelId, LabelTree};
 use crate::scene::instances::InstanceOptions;
 use crate::session::{Command, InstancesRequest};
 
@@ -78,6 +78,11 @@ pub(super) fn label_menu_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, 
     ui.menu_button("Move under", |ui| move_ui(ui, look, out, label))
         .response
         .on_hover_text("Makes it a part of another label");
+    let merge = ui.menu_button("Merge into", |ui| {
+        let into = chosen_ui(ui, &look.project.labels, |other| other.id != label.id);
+        out.extend(into.map(|into| Command::MergeLabels { label: label.id, into }));
+    });
+    merge.response.on_hover_text("All its pixels, clicks and points become another label's, on every frame and in 3-D");
     let find = ui.add_enabled(look.root.is_some() && look.cloud.is_some(), egui::Button::new("Find instances"));
     let find = find.on_hover_text("Tells things of this class apart by what hangs together in 3-D");
     if find.on_disabled_hover_text("Fuse first: instances are found in the cloud").clicked() {
@@ -98,11 +103,20 @@ fn move_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, label: &Label) 
     if ui.add_enabled(label.parent.is_some(), egui::Button::new("Top level")).clicked() {
         out.push(Command::EditLabel(Label { parent: None, ..label.clone() }));
     }
-    for (other, _) in listed(tree) {
-        let allowed =
-            other.id != label.id && Some(other.id) != label.parent && !tree.path(other.id).contains(&label.id);
-        if allowed && ui.button(&other.name).clicked() {
-            out.push(Command::EditLabel(Label { parent: Some(other.id), ..label.clone() }));
+    let is_allowed = |other: &Label| Some(other.id) != label.parent && !tree.path(other.id).contains(&label.id);
+    let parent = chosen_ui(ui, tree, is_allowed);
+    out.extend(parent.map(|parent| Command::EditLabel(Label { parent: Some(parent), ..label.clone() })));
+}
+
+/// A button for each label that is allowed; the one that is clicked.
+fn chosen_ui(ui: &mut Ui, tree: &LabelTree, is_allowed: impl Fn(&Label) -> bool) -> Option<LabelId> {
+    let mut chosen = None;
+    egui::ScrollArea::vertical().max_height(320.0).show(ui, |ui| {
+        for (other, _) in listed(tree) {
+            if is_allowed(&other) && ui.button(&other.name).clicked() {
+                chosen = Some(other.id);
+            }
         }
-    }
+    });
+    chosen
 }
