@@ -22,6 +22,10 @@ pub struct ScenePrefs {
     pub axes: bool,
     /// Opacity of all but the isolated label, 0–1.
     pub faint: f32,
+    /// Whether the frusta of cameras carry their pictures.
+    pub pictures: bool,
+    /// Opacity (0–1) of the picture over what the view sees through its camera.
+    pub blend: f32,
 }
 
 impl Default for ScenePrefs {
@@ -34,6 +38,8 @@ impl Default for ScenePrefs {
             scale_bar: true,
             axes: true,
             faint: 0.0,
+            pictures: false,
+            blend: 0.0,
         }
     }
 }
@@ -49,6 +55,8 @@ pub struct SceneLook {
     pub level: Option<usize>,
     /// Whether the view turns about the vertical by itself.
     pub turning: bool,
+    /// The frame whose camera it looks through; it follows the frame shown until the view is moved by hand.
+    pub through: Option<usize>,
 }
 
 impl SceneLook {

@@ -135,12 +135,12 @@ impl Shell {
             look.points().is_some() || look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
         match (look.has_frames(), look.inspected.is_some()) {
             (false, false) => return welcome_ui(ui, look, &self.view, out, wishes),
-            (false, true) => return self.scene.ui(ui, look, &mut self.view, wishes),
+            (false, true) => return self.scene.ui(ui, look, &mut self.view, &mut self.textures, wishes),
             (true, _) => {}
         }
         let panes = self.view.prefs.panes;
         if panes == Panes::Scene {
-            return self.scene.ui(ui, look, &mut self.view, wishes);
+            return self.scene.ui(ui, look, &mut self.view, &mut self.textures, wishes);
         }
         if panes == Panes::Both && has_scene {
             let half = ui.available_width() * 0.46;
@@ -150,7 +150,7 @@ impl Shell {
                 .default_size(half)
                 .size_range(220.0..=half * 1.8)
                 .frame(frame)
-                .show(ui, |ui| self.scene.ui(ui, look, &mut self.view, wishes));
+                .show(ui, |ui| self.scene.ui(ui, look, &mut self.view, &mut self.textures, wishes));
         }
         picture_pane_ui(ui, look, &mut self.view, &mut self.textures, out, wishes);
     }

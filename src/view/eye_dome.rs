@@ -57,7 +57,7 @@ impl EyeDome {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
         });
         let shader = wgpu::include_wgsl!("shaders/edl.wgsl");
-        let pipeline = compiled(device, &layout, shader, (&[], wgpu::PrimitiveTopology::TriangleList), None);
+        let pipeline = compiled(device, &[&layout], shader, (&[], wgpu::PrimitiveTopology::TriangleList), false);
         Self { pipeline, layout, uniform }
     }
 

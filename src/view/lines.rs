@@ -1,6 +1,6 @@
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec2, Vec3};
 
+use super::planes::frustum_corners;
 use crate::frames::Frame;
 use crate::scene::rgbd::{FrameLink, LinkKind};
 
@@ -19,18 +19,12 @@ pub struct Line {
 pub fn frustum_lines(frames: &[Frame], size: f32, current: Option<usize>) -> Vec<Line> {
     let mut lines = Vec::new();
     for (number, frame) in frames.iter().enumerate() {
-        let Some((camera, pose)) = frame.posed_camera() else { continue };
+        let (Some((_, pose)), Some(corners)) = (frame.posed_camera(), frustum_corners(frame, size)) else { continue };
         let color = if current == Some(number) { [255, 170, 40, 255] } else { [120, 160, 210, 255] };
-        let world_from_camera = pose.inverse();
-        let (w, h) = (f64::from(camera.width), f64::from(camera.height));
-        let corners: [Vec3; 4] = [(0.0, 0.0), (w, 0.0), (w, h), (0.0, h)].map(|(x, y)| {
-            let ray = camera.unproject(DVec2::new(x, y)).extend(1.0) * f64::from(size);
-            world_from_camera.transform(ray).as_vec3()
-        });
-        let centre = pose.centre().as_vec3();
+        let centre = pose.centre().as_vec3().to_array();
         for (index, &corner) in corners.iter().enumerate() {
             for end in [centre, corner, corner, corners[(index + 1) % 4]] {
-                lines.push(Line { position: end.to_array(), color });
+                lines.push(Line { position: end, color });
             }
         }
     }

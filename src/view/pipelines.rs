@@ -1,5 +1,6 @@
 use wgpu::util::DeviceExt;
 
+use super::planes::Planes;
 use super::points::{EyeUniform, PointInstance};
 use super::surface_chunks::SurfaceVertex;
 
@@ -12,6 +13,7 @@ pub(super) struct Pipelines {
     pub lines: wgpu::RenderPipeline,
     pub surface: wgpu::RenderPipeline,
     pub edges: wgpu::RenderPipeline,
+    pub planes: Planes,
     pub eye: wgpu::Buffer,
     pub bindings: wgpu::BindGroup,
 }
@@ -73,13 +75,13 @@ impl Pipelines {
             lines: made(wgpu::include_wgsl!("shaders/lines.wgsl"), &LINES),
             surface: made(surface(), &TRIANGLES),
             edges: made(surface(), &EDGES),
+            planes: Planes::new(device, &layout),
             eye,
             bindings,
         }
     }
 }
 
-/// What writes its depth and hides what lies behind it.
 fn pipeline(
     device: &wgpu::Device,
     bindings: &wgpu::BindGroupLayout,
@@ -91,29 +93,24 @@ fn pipeline(
         step_mode: shape.step_mode,
         attributes: shape.attributes,
     };
-    let depth = wgpu::DepthStencilState {
-        format: DEPTH_FORMAT,
-        depth_write_enabled: Some(true),
-        depth_compare: Some(wgpu::CompareFunction::Greater),
-        stencil: wgpu::StencilState::default(),
-        bias: wgpu::DepthBiasState::default(),
-    };
-    compiled(device, bindings, shader, (&[Some(vertices)], shape.topology), Some(depth))
+    compiled(device, &[bindings], shader, (&[Some(vertices)], shape.topology), true)
 }
 
-/// The functions `vertex` and `fragment` of a shader, drawing vertices as they lie in memory.
+/// The functions `vertex` and `fragment` of a shader, drawing vertices as they lie in memory; with `has_depth` what is drawn
+/// hides what lies behind it.
 pub(super) fn compiled(
     device: &wgpu::Device,
-    bindings: &wgpu::BindGroupLayout,
+    groups: &[&wgpu::BindGroupLayout],
     shader: wgpu::ShaderModuleDescriptor<'_>,
     (buffers, topology): (&[Option<wgpu::VertexBufferLayout<'_>>], wgpu::PrimitiveTopology),
-    depth_stencil: Option<wgpu::DepthStencilState>,
+    has_depth: bool,
 ) -> wgpu::RenderPipeline {
     let label = shader.label;
     let module = device.create_shader_module(shader);
+    let groups: Vec<Option<&wgpu::BindGroupLayout>> = groups.iter().map(|&group| Some(group)).collect();
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label,
-        bind_group_layouts: &[Some(bindings)],
+        bind_group_layouts: &groups,
         immediate_size: 0,
     });
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -126,7 +123,13 @@ pub(super) fn compiled(
             buffers,
         },
         primitive: wgpu::PrimitiveState { topology, ..Default::default() },
-        depth_stencil,
+        depth_stencil: has_depth.then(|| wgpu::DepthStencilState {
+            format: DEPTH_FORMAT,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Greater),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
         multisample: wgpu::MultisampleState::default(),
         fragment: Some(wgpu::FragmentState {
             module: &module,

@@ -9,7 +9,7 @@ use super::mesh_raster::AMBIENT;
 use super::pipelines::Pipelines;
 use super::points::EyeUniform;
 use super::target::Target;
-use super::{Line, SceneStyle, ViewCamera};
+use super::{Line, PicturePlane, SceneStyle, ViewCamera};
 
 /// What one call of [`SceneView::draw`] may cost before the batch shrinks.
 const FRAME_BUDGET: Duration = Duration::from_millis(40);
@@ -23,6 +23,8 @@ pub struct Scene3d {
     pub style: SceneStyle,
     /// Line segments, e.g. [`super::frustum_lines`]; never clipped.
     pub lines: Vec<Line>,
+    /// Pictures that stand in it; never clipped.
+    pub planes: Vec<PicturePlane>,
 }
 
 /// Draws a cloud or a surface of any size into a texture of its own, a bounded batch of points or triangles per call: a
@@ -140,6 +142,8 @@ impl SceneView {
                 usage: wgpu::BufferUsages::VERTEX,
             })
         });
+        let planes = (fresh && !scene.planes.is_empty())
+            .then(|| self.pipelines.planes.place(&self.device, &self.queue, &scene.planes));
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("scene") });
         let end = (self.drawn + self.batch).min(self.content.uploaded);
         {
@@ -149,6 +153,9 @@ impl SceneView {
                 pass.set_pipeline(&self.pipelines.lines);
                 pass.set_vertex_buffer(0, lines.slice(..));
                 pass.draw(0..scene.lines.len() as u32, 0..1);
+            }
+            if let Some(planes) = &planes {
+                self.pipelines.planes.draw(&mut pass, planes);
             }
             self.drawn = self.content.draw(&mut pass, &self.pipelines, self.drawn..end);
         }

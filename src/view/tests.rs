@@ -8,8 +8,8 @@ use crate::frames::Image;
 use crate::masks::{Label, LabelId, LabelTree};
 use crate::scene::{LabelledCloud, LabelledMesh};
 use crate::view::{
-    Appearance, Axes, Bounds, Clip, Coloring, Model, Orbit, Scene3d, SceneStyle, SceneView, ViewCamera, draw_cloud,
-    draw_mesh,
+    Appearance, Axes, Bounds, Clip, Coloring, Model, Orbit, PicturePlane, Scene3d, SceneStyle, SceneView, ViewCamera,
+    draw_cloud, draw_mesh,
 };
 
 fn device() -> Option<(wgpu::Device, wgpu::Queue)> {
@@ -70,7 +70,7 @@ fn drawn(view: &mut SceneView, scene: &Scene3d) -> (Vec<[u8; 4]>, usize) {
 }
 
 fn scene(camera: ViewCamera, style: &SceneStyle) -> Scene3d {
-    Scene3d { camera, style: style.clone(), lines: Vec::new() }
+    Scene3d { camera, style: style.clone(), lines: Vec::new(), planes: Vec::new() }
 }
 
 fn by_label() -> SceneStyle {
@@ -211,4 +211,33 @@ fn lighting_clipping_projection_and_faintness_are_equal_in_both_twins() {
             assert!(different(&shaded, &agrees(&model, &camera, &faint, "faint").unwrap()) > 500);
         }
     }
+}
+
+#[test]
+fn pictures_stand_in_space_the_right_way_round_behind_what_is_nearer() {
+    let Some((device, queue)) = device() else { return };
+    let mut view = SceneView::new(&device, &queue);
+    let orbit = Orbit::framing(&Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) }, Vec3::Z, Vec3::NEG_Y);
+    // Red to the left, blue below on the right, behind a grey point in the middle of the left half.
+    let pixels = vec![[255, 0, 0], [0, 255, 0], [255, 0, 0], [0, 0, 255]];
+    let image = Arc::new(Image { width: 2, height: 2, pixels });
+    let corners = [[-1.0, -1.0, 0.5], [1.0, -1.0, 0.5], [1.0, 1.0, 0.5], [-1.0, 1.0, 0.5]];
+    let point = LabelledCloud::from_positions(vec![Vec3::new(-0.7, 0.0, 0.0)]);
+    view.set_model(Model::Cloud(Arc::new(point)));
+    let style = SceneStyle { point_px: 6.0, edl_strength: 0.0, ..SceneStyle::default() };
+    let camera = orbit.camera(200, 200);
+    let planes = vec![PicturePlane { corners, image }];
+    let (pixels, _) = drawn(&mut view, &Scene3d { planes, ..scene(camera, &style) });
+    let at = |x: Vec3| {
+        let (px, _) = camera.project(x).unwrap();
+        pixels[px.y as usize * 200 + px.x as usize]
+    };
+    assert_eq!(at(Vec3::new(-0.8, -0.8, 0.5))[..3], [255, 0, 0]);
+    assert_eq!(at(Vec3::new(0.8, -0.8, 0.5))[..3], [0, 255, 0]);
+    assert_eq!(at(Vec3::new(0.8, 0.8, 0.5))[..3], [0, 0, 255]);
+    assert_eq!(at(Vec3::new(-0.7, 0.0, 0.0))[..3], [192; 3], "the point hides the picture");
+    let (bare, _) = drawn(&mut view, &scene(camera, &style));
+    let (px, _) = camera.project(Vec3::new(0.8, -0.8, 0.5)).unwrap();
+    let left = bare[px.y as usize * 200 + px.x as usize];
+    assert_eq!(left[..3], style.background, "planes go when they are taken out");
 }

@@ -34,7 +34,7 @@ fn bench(device: &wgpu::Device, queue: &wgpu::Queue, points: usize) {
     let draw = |view: &mut SceneView, orbit: &Orbit| {
         let begun = Instant::now();
         let camera = orbit.camera(SIZE.0, SIZE.1);
-        let whole = view.draw(&Scene3d { camera, style: SceneStyle::default(), lines: Vec::new() });
+        let whole = view.draw(&Scene3d { camera, style: SceneStyle::default(), lines: Vec::new(), planes: Vec::new() });
         device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
         (whole, begun.elapsed())
     };

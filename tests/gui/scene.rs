@@ -7,7 +7,7 @@ use ostra::app::{ClipSides, Panes};
 use ostra::masks::LabelId;
 use ostra::view::Coloring;
 
-use crate::desk::{Desk, labels, press};
+use crate::desk::{Desk, drag, labels, press};
 
 fn shown() -> Harness<'static, Desk> {
     let mut desk = Desk::sample();
@@ -93,4 +93,24 @@ fn alt_click_on_a_label_isolates_it_and_a_button_shows_all_again() {
     harness.get_by_label("Show all labels").click();
     harness.run_steps(3);
     assert_eq!(harness.state().shell.view.scene.isolated, None);
+}
+
+#[test]
+fn who_looks_through_a_camera_follows_the_frames_until_the_view_is_moved() {
+    let mut harness = shown();
+    assert!(harness.query_by_label("Opacity of the picture").is_none());
+    press(&mut harness, Modifiers::NONE, Key::L);
+    harness.run_steps(2);
+    assert_eq!(harness.state().shell.view.scene.through, Some(0));
+    harness.get_by_label("Opacity of the picture");
+    harness.get_by_label("Pictures").click();
+    press(&mut harness, Modifiers::NONE, Key::ArrowRight);
+    harness.run_steps(2);
+    assert_eq!(harness.state().shell.view.scene.through, Some(1));
+    let middle = harness.get_by_label("3-D view").rect().center();
+    drag(&mut harness, middle, middle + egui::vec2(40.0, 10.0), egui::PointerButton::Primary);
+    assert_eq!(harness.state().shell.view.scene.through, None);
+    press(&mut harness, Modifiers::NONE, Key::ArrowRight);
+    harness.run_steps(2);
+    assert_eq!(harness.state().shell.view.scene.through, None, "it stays where it was put by hand");
 }

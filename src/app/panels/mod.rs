@@ -21,6 +21,7 @@ mod reconstruct;
 mod results;
 mod ruler;
 mod scene_bar;
+mod scene_blend;
 mod scene_canvas;
 mod scene_display;
 mod scene_marks;

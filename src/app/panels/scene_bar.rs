@@ -48,6 +48,10 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
         if has_cameras {
             ui.checkbox(&mut view.prefs.frusta, "Cameras")
                 .on_hover_text("Shows the cameras; click one to go to its frame");
+            if view.prefs.frusta {
+                let tip = "Shows each camera's picture where it looks";
+                ui.checkbox(&mut view.prefs.scene.pictures, "Pictures").on_hover_text(tip);
+            }
         }
         if look.sparse.is_some_and(|sparse| !sparse.links.is_empty()) {
             ui.checkbox(&mut view.prefs.links, "Links").on_hover_text(
@@ -64,6 +68,12 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
         }
         if has_cameras && action_button(ui, shortcuts, Action::LookThrough, "Camera view", true).clicked() {
             wishes.push(Action::LookThrough);
+        }
+        if view.scene.through.is_some() {
+            let slider = Slider::new(&mut view.prefs.scene.blend, 0.0..=1.0).show_value(false);
+            let tip = "How much of the picture is laid over what its camera sees; the view follows the frame shown";
+            ui.label("Picture");
+            ui.add(slider).on_hover_text(tip).accessible_name("Opacity of the picture");
         }
         if look.votes.is_some() {
             let tip = shortcuts.tip(ui.ctx(), Action::ChoosePoints);

@@ -6,16 +6,18 @@ use glam::{Vec2, Vec3};
 use super::asked::{Asked, asked_ui};
 use super::chosen::chosen_ui;
 use super::scene_bar::{labels_of, scene_bar_ui};
+use super::scene_blend::blend;
 use super::scene_canvas::SceneCanvas;
 use super::scene_marks::marks;
 use super::scene_select::choose_by_hand;
+use crate::app::textures::Textures;
 use crate::app::view_state::SceneWish;
 use crate::app::{Action, Look, Shown, ViewState};
 use crate::frames::Frame;
 use crate::scene::LabelledCloud;
 use crate::view::{
-    Appearance, Axes, Bounds, Clip, Model, Orbit, Portrait, Scene3d, SceneStyle, ViewCamera, default_view,
-    frustum_lines, link_lines, pick_frustum, pick_point,
+    Appearance, Axes, Bounds, Clip, Model, Orbit, PicturePlane, Portrait, Scene3d, SceneStyle, ViewCamera,
+    default_view, frustum_lines, link_lines, pick_frustum, pick_point,
 };
 
 /// The 3-D view: where it is seen from, and the texture it is drawn into.
@@ -24,10 +26,17 @@ pub struct ScenePane {
     orbit: Option<Orbit>,
     framed: Framed,
     zoom_anchor: Option<(egui::Pos2, Vec3)>,
+    /// Where the view was put to look through a camera.
+    through: Option<Orbit>,
 }
 
 /// Radians a second that the turntable turns.
 const TURNING: f32 = 0.5;
+
+/// Depth of the cameras' frusta, share of the scene's radius.
+const FRUSTUM: f32 = 0.09;
+/// Most pictures that stand in the scene.
+const PLANES: usize = 200;
 
 /// What the view was last framed for.
 #[derive(Default)]
@@ -49,7 +58,13 @@ impl ScenePane {
     /// A view that draws on the window's GPU; without one it says so.
     #[must_use]
     pub fn new(gpu: Option<&egui_wgpu::RenderState>) -> Self {
-        Self { canvas: gpu.map(SceneCanvas::new), orbit: None, framed: Framed::default(), zoom_anchor: None }
+        Self {
+            canvas: gpu.map(SceneCanvas::new),
+            orbit: None,
+            framed: Framed::default(),
+            zoom_anchor: None,
+            through: None,
+        }
     }
 
     /// Forgets where the view was: another project is open.
@@ -59,7 +74,14 @@ impl ScenePane {
     }
 
     /// The tool bar and the view.
-    pub(in crate::app) fn ui(&mut self, ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+    pub(in crate::app) fn ui(
+        &mut self,
+        ui: &mut Ui,
+        look: &Look<'_>,
+        view: &mut ViewState,
+        textures: &mut Textures,
+        wishes: &mut Vec<Action>,
+    ) {
         egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 4)).show(ui, |ui| {
             scene_bar_ui(ui, look, view, wishes);
         });
@@ -78,7 +100,10 @@ impl ScenePane {
         let camera = orbit.camera(size.x.max(1.0) as u32, size.y.max(1.0) as u32);
         self.turn(ui, &response, view);
         self.input(ui, &response, look, view, &camera);
+        // Whoever moves the view does not look through the camera any more.
+        view.scene.through = view.scene.through.filter(|_| self.orbit == self.through);
         self.draw(ui, rect, look, view);
+        blend(ui, (rect, &camera, orbit.distance), look, view, textures);
         if let Some(wish) = view.picture_wish.take() {
             let portrait = model(look, view).map(|model| {
                 let (style, rows) = (self.style(ui, look, view), camera.height);
@@ -107,8 +132,10 @@ impl ScenePane {
             }
             self.framed.cloud = look.points().cloned();
         }
-        if wish == Some(SceneWish::LookThrough) {
-            self.look_through(look.project.frames.get(view.frame));
+        let follows = view.scene.through.is_some_and(|frame| frame != view.frame);
+        if wish == Some(SceneWish::LookThrough) || follows {
+            let put = self.look_through(look.project.frames.get(view.frame));
+            view.scene.through = put.then_some(view.frame);
         }
         if let Some(orbit) = &mut self.orbit {
             orbit.orthographic = view.prefs.scene.orthographic;
@@ -169,11 +196,13 @@ impl ScenePane {
         }
     }
 
-    fn look_through(&mut self, frame: Option<&Frame>) {
+    /// Puts the view where a frame was taken; whether its pose is known.
+    fn look_through(&mut self, frame: Option<&Frame>) -> bool {
         let up = self.orbit.map_or(Vec3::NEG_Y, |orbit| orbit.up);
-        if let Some((camera, pose)) = frame.and_then(Frame::posed_camera) {
-            self.orbit = Some(Orbit::through(camera, pose, self.framed.radius, up));
-        }
+        let Some((camera, pose)) = frame.and_then(Frame::posed_camera) else { return false };
+        self.orbit = Some(Orbit::through(camera, pose, self.framed.radius, up));
+        self.through = self.orbit;
+        true
     }
 
     fn input(&mut self, ui: &Ui, response: &Response, look: &Look<'_>, view: &mut ViewState, camera: &ViewCamera) {
@@ -263,22 +292,34 @@ impl ScenePane {
         let scale = ui.pixels_per_point();
         let size = (rect.size() * scale).round().max(egui::Vec2::splat(1.0));
         let most = ui.input(|i| i.max_texture_side) as f32;
-        let mut lines = if view.prefs.frusta {
-            frustum_lines(&look.project.frames, self.framed.radius * 0.09, Some(view.frame))
-        } else {
-            Vec::new()
-        };
+        let (mut lines, mut planes) = (Vec::new(), Vec::new());
+        if view.prefs.frusta {
+            let size = self.framed.radius * FRUSTUM;
+            lines = frustum_lines(&look.project.frames, size, Some(view.frame));
+            if view.prefs.scene.pictures {
+                planes = picture_planes(look, view, size);
+            }
+        }
         if let Some(sparse) = look.sparse.filter(|_| view.prefs.links) {
             lines.extend(link_lines(&look.project.frames, &sparse.links));
         }
         lines.extend(view.ruler.lines(self.framed.radius * 0.012));
         lines.extend(view.asked.iter().flat_map(|asked| asked.lines(self.framed.radius * 0.012)));
         let camera = orbit.camera(size.x.min(most) as u32, size.y.min(most) as u32);
-        if !canvas.draw(ui, rect, model(look, view), &Scene3d { camera, style, lines }) {
+        if !canvas.draw(ui, rect, model(look, view), &Scene3d { camera, style, lines, planes }) {
             ui.ctx().request_repaint();
         }
         marks(ui, rect, view, &camera, orbit.distance, canvas.range());
     }
+}
+
+/// The pictures at the ends of the frusta, of evenly chosen frames where there are many; not that which would hide all.
+fn picture_planes(look: &Look<'_>, view: &ViewState, size: f32) -> Vec<PicturePlane> {
+    let Some(pictures) = look.pictures else { return Vec::new() };
+    let frames = look.project.frames.iter().enumerate().filter(|(_, frame)| frame.posed_camera().is_some());
+    let step = frames.clone().count().div_ceil(PLANES).max(1);
+    let chosen = frames.step_by(step).filter(|(number, _)| view.scene.through != Some(*number));
+    chosen.filter_map(|(number, frame)| PicturePlane::of_frame(frame, size, pictures.thumbnail(number)?)).collect()
 }
 
 /// What is drawn: points until the triangles wanted are there, and while depth is made.
