@@ -2,12 +2,12 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail, ensure};
 
-use super::networks::{KeptSam, KeptTracker, SAM_NETWORKS, TrackNetwork, grounding_dino, yolox};
+use super::networks::{KeptSam, KeptTracker, KeptXFeat, SAM_NETWORKS, TrackNetwork, grounding_dino, yolox};
 use super::{Project, TrackSettings};
 use crate::engine::nn::{Catalogue, Runtime, models_folder};
 use crate::frames::Frame;
 use crate::masks::builtin::BuiltinSegmenter;
-use crate::masks::flow::FlowTracker;
+use crate::masks::flow::{Describer, FlowTracker};
 use crate::masks::{Segmenter, TextGrounder, Tracker};
 use crate::scene::rgbd::register::GlobalRegistration;
 use crate::scene::sfm::matching::NearestMatcher;
@@ -86,7 +86,7 @@ pub fn engines() -> Vec<Engine> {
         tracker("xmem", is_usable("xmem"), NETWORKS),
         tracker("deaot", is_usable("deaot"), NETWORKS),
         tracker("geometry", true, "depth and cameras of the frames"),
-        tracker("flow", true, "nothing"),
+        tracker("flow", true, "nothing; remembers better by the network xfeat"),
         features("auto", true, "nothing; takes sift, the most accurate"),
         features("sift", true, "nothing"),
         features("xfeat", is_usable("xfeat"), FEATURES),
@@ -169,7 +169,7 @@ pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box
         "only 'xmem' and 'deaot' see pictures in another size, not '{name}'; name one of them, or choose no size"
     );
     let tracker: Box<dyn Tracker> = match name {
-        "flow" => Box::new(FlowTracker::default()),
+        "flow" => Box::new(flow_tracker()),
         "xmem" => Box::new(KeptTracker { network: TrackNetwork::XMem, seen }),
         "deaot" => Box::new(KeptTracker { network: TrackNetwork::Deaot, seen }),
         _ => {
@@ -182,6 +182,12 @@ pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box
     }
     ensure!(any, "--constrain needs frames with depth and cameras; add or reconstruct both first, or track without it");
     Ok(Box::new(ConstrainedTracker { tracker, options: ConstrainOptions::default() }))
+}
+
+/// The flow tracker, which remembers by XFeat where that can be used.
+pub(super) fn flow_tracker() -> FlowTracker {
+    let describer = is_usable("xfeat").then(|| Arc::new(KeptXFeat) as Arc<dyn Describer>);
+    FlowTracker { describer, ..FlowTracker::default() }
 }
 
 /// The first network behind `superglue` that can be used: what is photographed is mostly outdoors, or looks like it.

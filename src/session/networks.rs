@@ -4,11 +4,12 @@ use super::embeddings::Embeddings;
 use crate::engine::job::Progress;
 use crate::engine::nn::{NnError, models_folder};
 use crate::frames::{DepthMap, Image};
-use crate::masks::onnx::Yolox;
+use crate::masks::flow::{Describer, Description};
 use crate::masks::onnx::deaot::Deaot;
 use crate::masks::onnx::grounding::GroundingDino;
 use crate::masks::onnx::sam::{CloseUps, Part, Sam};
 use crate::masks::onnx::xmem::XMem;
+use crate::masks::onnx::{XFeatCells, Yolox};
 use crate::masks::{MaskError, PreparedFrame, Segmenter, TextGrounder, TrackRequest, TrackedFrame, Tracker};
 
 /// A network that is loaded when it is first needed, on the thread that needs it, and kept for the life of the program.
@@ -35,6 +36,7 @@ static YOLOX: Kept<Yolox> = Kept::new();
 static GROUNDING_DINO: Kept<GroundingDino> = Kept::new();
 static XMEM: Kept<XMem> = Kept::new();
 static DEAOT: Kept<Deaot> = Kept::new();
+static XFEAT: Kept<XFeatCells> = Kept::new();
 
 /// Networks that can stand behind the segmenter `sam`, the most exact first.
 pub(super) const SAM_NETWORKS: [&str; 2] = ["sam-vit-b", "mobile-sam"];
@@ -79,6 +81,16 @@ pub(super) fn yolox() -> Result<Arc<dyn TextGrounder>, MaskError> {
 /// Grounding DINO; loads it where it was not needed before.
 pub(super) fn grounding_dino() -> Result<Arc<dyn TextGrounder>, MaskError> {
     Ok(GROUNDING_DINO.get(|| GroundingDino::load(&models_folder()?))?)
+}
+
+/// XFeat, loaded when it first describes a picture.
+#[derive(Debug)]
+pub(super) struct KeptXFeat;
+
+impl Describer for KeptXFeat {
+    fn describe(&self, grey: &[f32], size: (usize, usize)) -> Result<Description, MaskError> {
+        XFEAT.get(|| XFeatCells::load(&models_folder()?))?.describe(grey, size)
+    }
 }
 
 /// A network that carries masks.

@@ -1,7 +1,8 @@
 //! J, F and frames per second of the flow tracker on `davis2016`, from the true mask of the first frame, decoding
 //! included, with the peak memory of all clips.
 //!
-//! `cargo bench --bench flow [-- CLIP…]`
+//! `cargo bench --bench flow [-- CLIP… [--memory]]`; with `--memory` the tracker remembers by XFeat, added before by
+//! `ostra models add xfeat FILE`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
@@ -10,8 +11,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ostra::engine::job::Progress;
+use ostra::engine::nn::models_folder;
 use ostra::frames::{FrameFolder, FrameStore, OpenRequest, open};
-use ostra::masks::flow::FlowTracker;
+use ostra::masks::flow::{Describer, FlowTracker};
+use ostra::masks::onnx::XFeatCells;
 use ostra::masks::{
     Direction, FramePair, LabelId, LabelMask, RunMask, TrackRequest, TrackedFrame, Tracker, score_pairs,
 };
@@ -20,11 +23,16 @@ use ostra::masks::{
 fn main() -> Result<(), Box<dyn Error>> {
     let data = std::env::var_os("OSTRA_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
     let set = data.join("davis2016");
-    let named: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let has_memory = words.iter().any(|word| word == "--memory");
+    let describer = has_memory.then(|| XFeatCells::load(&models_folder()?)).transpose()?;
+    let describer = describer.map(|cells| Arc::new(cells) as Arc<dyn Describer>);
+    let tracker = FlowTracker { describer, ..FlowTracker::default() };
+    let named: Vec<String> = words.into_iter().filter(|word| !word.starts_with("--")).collect();
     let mut sums = [0.0; 3];
     let mut count = 0.0;
     for clip in clips(&set)?.into_iter().filter(|clip| named.is_empty() || named.contains(clip)) {
-        let [j, f, fps] = tracked(&set, &clip)?;
+        let [j, f, fps] = tracked(&tracker, &set, &clip)?;
         println!("{clip:16} J {j:.3}  F {f:.3}  {fps:.1} frames/s");
         sums = [sums[0] + j, sums[1] + f, sums[2] + fps];
         count += 1.0;
@@ -48,7 +56,7 @@ fn clips(set: &Path) -> Result<Vec<String>, std::io::Error> {
 }
 
 /// Mean J, mean F without the first frame, and frames per second.
-fn tracked(set: &Path, clip: &str) -> Result<[f64; 3], Box<dyn Error>> {
+fn tracked(tracker: &FlowTracker, set: &Path, clip: &str) -> Result<[f64; 3], Box<dyn Error>> {
     let source = FrameFolder { frames: set.join("JPEGImages").join(clip), depth: None };
     let frames = open(&OpenRequest { sources: vec![source], ..OpenRequest::default() }, &Progress::default())?.frames;
     let mut truths = Vec::new();
@@ -73,7 +81,7 @@ fn tracked(set: &Path, clip: &str) -> Result<[f64; 3], Box<dyn Error>> {
         pairs.push(FramePair { name, truth, result: RunMask::encode(&tracked.mask) });
     };
     let begun = Instant::now();
-    FlowTracker::default().track(&request, &mut take, &Progress::default())?;
+    tracker.track(&request, &mut take, &Progress::default())?;
     let fps = pairs.len() as f64 / begun.elapsed().as_secs_f64();
     let score = score_pairs(&pairs, &BTreeSet::from([LabelId(1)]), &Progress::default())?;
     Ok([score.j, score.f, fps])

@@ -1,6 +1,7 @@
 use glam::{Affine2, Vec2};
 
 use super::cut::Window;
+use super::memory::Recalled;
 use super::object::{Object, Prediction};
 use super::options::FlowOptions;
 use super::plane::Plane;
@@ -29,8 +30,13 @@ pub(super) struct Evidence {
     pub motion: Vec<f32>,
 }
 
-/// Sums up what flow, place, colours and motion say.
-pub(super) fn evidence(object: &Object, prediction: &Prediction, change: &Change, options: &FlowOptions) -> Evidence {
+/// Sums up what flow, place, colours, motion and the memory say.
+pub(super) fn evidence(
+    object: &Object,
+    prediction: &Prediction,
+    (change, recalled): (&Change, Option<&Recalled>),
+    options: &FlowOptions,
+) -> Evidence {
     let (width, height) = (change.next.width, change.next.height);
     let reach = options.reach * object.area().sqrt() + 4.0;
     let Some(window) = window_of(&prediction.expected, reach) else {
@@ -49,6 +55,7 @@ pub(super) fn evidence(object: &Object, prediction: &Prediction, change: &Change
         .places(width)
         .map(|at| change.reliable.values[at] * motion(Vec2::new((at % width) as f32, (at / width) as f32), at))
         .collect();
+    let memory = recalled.map(|recalled| recalled.odds(object.id));
     let odds = window.places(width).zip(distances).zip(&motion).map(|((at, distance), motion)| {
         if distance > reach {
             return NEVER;
@@ -64,6 +71,9 @@ pub(super) fn evidence(object: &Object, prediction: &Prediction, change: &Change
             + options.first_color_weight * first[bin]
             + options.last_color_weight * last[bin]
             + options.motion_weight * motion
+            + memory
+                .as_ref()
+                .map_or(0.0, |odds| options.memory_weight * odds(Vec2::new((at % width) as f32, (at / width) as f32)))
     });
     let odds = odds.collect();
     Evidence { window, odds, motion }

@@ -1,5 +1,5 @@
 //! The tracker that needs neither weights nor geometry: masks carried by optical flow, kept right by what each object
-//! looks like, where it is expected and how it moves.
+//! looks like, where it is expected and how it moves, and by what anchors showed where something describes pictures.
 //!
 //! Works on pictures reduced to a bounded size. Positions here are pixel indices: the centre of the top-left pixel is
 //! (0, 0). May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
@@ -13,6 +13,7 @@ mod dis;
 mod evidence;
 mod gap;
 mod locate;
+mod memory;
 mod motion;
 mod object;
 mod options;
@@ -29,5 +30,6 @@ mod variational;
 mod walk;
 
 pub use apart::moving_apart;
+pub use memory::{Describer, Description};
 pub use options::FlowOptions;
 pub use tracker::FlowTracker;

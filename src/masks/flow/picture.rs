@@ -1,16 +1,18 @@
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use glam::Vec2;
 use rayon::prelude::*;
 
 use super::colors::bin_of;
 use super::dis::PATCH;
+use super::memory::{Describer, Description};
 use super::plane::{Plane, corners};
 use super::pyramid::Pyramid;
 use super::sampling::Resampling;
 use crate::frames::Image;
 use crate::masks::lab::lab_of_pixel;
-use crate::masks::{LabelId, LabelMask};
+use crate::masks::{LabelId, LabelMask, MaskError};
 
 /// A frame's picture as the tracker works on it.
 pub(super) struct Picture {
@@ -22,6 +24,8 @@ pub(super) struct Picture {
     pub bins: Vec<u16>,
     /// Grey levels, for optical flow.
     pub pyramid: Pyramid,
+    /// What its cells look like, where something describes them.
+    pub description: Option<Arc<Description>>,
 }
 
 /// The size at which a frame is worked on: its longer side has at most `most_side` pixels.
@@ -43,7 +47,14 @@ impl Picture {
         let bins = lab.iter().map(|&lab| bin_of(lab)).collect();
         let grey = rgb.iter().map(|&[r, g, b]| 0.299 * r + 0.587 * g + 0.114 * b).collect();
         let pyramid = Pyramid::new(Plane { width, height, values: grey }, 2 * PATCH);
-        Self { width, height, lab, bins, pyramid }
+        Self { width, height, lab, bins, pyramid, description: None }
+    }
+
+    /// The same with its cells described.
+    pub fn described(mut self, describer: &dyn Describer) -> Result<Self, MaskError> {
+        let grey = self.pyramid.levels[0].pixels().map(|grey| grey / 255.0).collect::<Vec<f32>>();
+        self.description = Some(Arc::new(describer.describe(&grey, (self.width, self.height))?));
+        Ok(self)
     }
 }
 

@@ -1,8 +1,9 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
+use super::memory::Describer;
 use super::picture::Picture;
-use crate::engine::job::{Progress, Stopped};
+use crate::engine::job::Progress;
 use crate::frames::FrameError;
 use crate::masks::{MaskError, TrackRequest};
 
@@ -16,20 +17,27 @@ const NAMED: usize = 5;
 pub(super) struct Pictures<'a> {
     request: &'a TrackRequest,
     progress: &'a Progress,
+    describer: Option<&'a dyn Describer>,
     unread: BTreeMap<usize, FrameError>,
 }
 
 impl<'a> Pictures<'a> {
     /// The pictures of this request's frames.
-    pub fn new(request: &'a TrackRequest, progress: &'a Progress) -> Self {
-        Self { request, progress, unread: BTreeMap::new() }
+    pub fn new(request: &'a TrackRequest, describer: Option<&'a dyn Describer>, progress: &'a Progress) -> Self {
+        Self { request, progress, describer, unread: BTreeMap::new() }
     }
 
     /// A frame's picture; `None` where it cannot be read.
-    pub fn load(&mut self, frame: usize, size: (usize, usize)) -> Result<Option<Arc<Picture>>, Stopped> {
+    pub fn load(&mut self, frame: usize, size: (usize, usize)) -> Result<Option<Arc<Picture>>, MaskError> {
         self.progress.check()?;
         match self.request.store.image(&self.request.frames[frame]) {
-            Ok(image) => Ok(Some(Arc::new(Picture::new(&image, size)))),
+            Ok(image) => {
+                let picture = Picture::new(&image, size);
+                Ok(Some(Arc::new(match self.describer {
+                    Some(describer) => picture.described(describer)?,
+                    None => picture,
+                })))
+            }
             Err(error) => {
                 self.unread.insert(frame, error);
                 Ok(None)
@@ -71,7 +79,7 @@ impl Route {
     }
 
     /// The next frame that can be read, with its picture; `None` at the end.
-    pub fn next(&mut self, pictures: &mut Pictures<'_>) -> Result<Option<(usize, Arc<Picture>)>, Stopped> {
+    pub fn next(&mut self, pictures: &mut Pictures<'_>) -> Result<Option<(usize, Arc<Picture>)>, MaskError> {
         while self.loaded.is_empty() && !self.coming.is_empty() {
             let mut block: Vec<usize> = self.coming.drain(..self.block.min(self.coming.len())).collect();
             block.sort_unstable();

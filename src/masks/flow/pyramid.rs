@@ -31,6 +31,12 @@ impl Pyramid {
 }
 
 impl Level {
+    /// The grey levels without the border around them, row by row.
+    pub fn pixels(&self) -> impl Iterator<Item = f32> {
+        let row = |y: usize| &self.padded[(y + PAD) * self.stride + PAD..][..self.width];
+        (0..self.height).flat_map(move |y| row(y).iter().copied())
+    }
+
     fn new(plane: &Plane) -> Self {
         let (width, height) = (plane.width, plane.height);
         let stride = width + 2 * PAD;

@@ -1,18 +1,21 @@
 use std::sync::Arc;
 
 use super::gap::{Gap, gaps};
+use super::memory::Describer;
 use super::options::FlowOptions;
 use super::picture::{Picture, enlarged_mask, reduced_mask, working_size};
 use super::pictures::{Pictures, Route};
 use super::walk::{Change, Walk};
-use crate::engine::job::{Progress, Stopped};
+use crate::engine::job::Progress;
 use crate::masks::{LabelId, LabelMask, MaskError, RunMask, TrackRequest, TrackedFrame, Tracker, WalkedFrame, merged};
 
 /// Carries masks through films and photos without depth or weights.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct FlowTracker {
     /// How masks are carried.
     pub options: FlowOptions,
+    /// What describes pictures, so that parts of objects are known again from the anchors.
+    pub describer: Option<Arc<dyn Describer>>,
 }
 
 impl Tracker for FlowTracker {
@@ -37,7 +40,7 @@ impl Tracker for FlowTracker {
             )));
         }
         let total = gaps.iter().map(Gap::steps).sum();
-        let pictures = Pictures::new(request, progress);
+        let pictures = Pictures::new(request, self.describer.as_deref(), progress);
         let mut run =
             Run { options: &self.options, request, emit, progress, pictures, done: 0, total, answered: false };
         gaps.iter().try_for_each(|gap| run.fill(gap))?;
@@ -139,7 +142,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    fn anchor(&mut self, frame: usize, size: (usize, usize)) -> Result<Option<(Arc<Picture>, LabelMask)>, Stopped> {
+    fn anchor(&mut self, frame: usize, size: (usize, usize)) -> Result<Option<(Arc<Picture>, LabelMask)>, MaskError> {
         let picture = self.pictures.load(frame, size)?;
         Ok(picture.map(|picture| (picture, reduced_mask(&self.request.anchors[&frame], size))))
     }
@@ -155,6 +158,10 @@ impl Run<'_> {
 }
 
 /// The next frame of a route, and how pixels move to it.
-fn change(route: &mut Route, pictures: &mut Pictures<'_>, last: &Picture) -> Result<Option<(usize, Change)>, Stopped> {
+fn change(
+    route: &mut Route,
+    pictures: &mut Pictures<'_>,
+    last: &Picture,
+) -> Result<Option<(usize, Change)>, MaskError> {
     Ok(route.next(pictures)?.map(|(frame, next)| (frame, Change::new(last, next))))
 }

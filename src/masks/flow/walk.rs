@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::dis::flow_between;
 use super::evidence::{Evidence, evidence, median};
+use super::memory::Memory;
 use super::motion::{PlaneMotion, Step};
 use super::object::{Object, Prediction};
 use super::options::FlowOptions;
@@ -82,6 +83,7 @@ impl Change {
 pub(super) struct Walk<'a> {
     options: &'a FlowOptions,
     objects: Vec<Object>,
+    memory: Memory,
 }
 
 impl<'a> Walk<'a> {
@@ -91,11 +93,14 @@ impl<'a> Walk<'a> {
         labels.sort_unstable();
         labels.dedup();
         let objects = labels.into_par_iter().map(|id| Object::new(id, mask.region(id), picture)).collect();
-        Self { options, objects }
+        let mut walk = Self { options, objects, memory: Memory::default() };
+        walk.remember(picture, mask);
+        walk
     }
 
-    /// Takes the colours of another anchor into account.
+    /// Takes the colours and cells of another anchor into account.
     pub fn learn(&mut self, picture: &Picture, mask: &LabelMask) {
+        self.remember(picture, mask);
         for object in &mut self.objects {
             let region = mask.region(object.id);
             if !region.is_empty() {
@@ -104,15 +109,22 @@ impl<'a> Walk<'a> {
         }
     }
 
+    fn remember(&mut self, picture: &Picture, mask: &LabelMask) {
+        if let Some(description) = &picture.description {
+            self.memory.learn(description, mask);
+        }
+    }
+
     /// Carries all objects to the next frame; their mask there, at the working size. After a stop the walk is at no
     /// frame any more.
     pub fn advance(&mut self, mut change: Change, progress: &Progress) -> Result<WalkedFrame, Stopped> {
         let options = self.options;
         change.find_background(&self.objects.iter().map(Object::expected).collect::<Vec<_>>());
+        let recalled = change.next.description.as_ref().map(|description| self.memory.recall(description));
         let known = self.objects.par_iter_mut().map(|object| {
             progress.check()?;
             let prediction = object.predict(&change, options);
-            let evidence = evidence(object, &prediction, &change, options);
+            let evidence = evidence(object, &prediction, (&change, recalled.as_ref()), options);
             Ok((prediction, evidence))
         });
         let known: Vec<(Prediction, Evidence)> = known.collect::<Result<_, Stopped>>()?;
