@@ -10,8 +10,6 @@ use crate::masks::LabelId;
 
 const WHEEL_RADIUS_M: f64 = 0.022;
 const WHEEL_HALF_WIDTH_M: f64 = 0.008;
-/// Between the car's side and its wheels.
-const AXLE_GAP_M: f64 = 0.001;
 /// Height of the car's lowest bricks above the table.
 const CLEARANCE_M: f64 = 0.014;
 
@@ -19,7 +17,7 @@ const CLEARANCE_M: f64 = 0.014;
 const CAR_STUDS: (i32, i32) = (4, 10);
 const BONNET_STUDS: i32 = 3;
 
-/// A car and a figure of tightly stacked bricks on a table, four wheels on the car and two lying apart, before the same
+/// A car and a figure of tightly stacked bricks on a table, four wheels flush with the car's sides and two lying apart, before the same
 /// posters as the tiller. The car looks at the cameras, so that all its wheels are seen by some.
 pub(super) fn build_bricks(seed: u64) -> Assembly {
     let mut dice = Dice::new(seed, 11);
@@ -51,7 +49,7 @@ fn add_car(assembly: &mut Assembly, (class, wheel): (LabelId, LabelId), dice: &m
         toy.stack(id, Vec3::from(color), IVec3::from(low), IVec3::from(high));
     }
     toy.build(assembly, dice);
-    let side = 0.5 * f64::from(across) * PITCH_M + AXLE_GAP_M + WHEEL_HALF_WIDTH_M;
+    let side = 0.5 * f64::from(across) * PITCH_M + WHEEL_HALF_WIDTH_M;
     let axle = (0.5 * f64::from(along) - 1.75) * PITCH_M;
     let corners = [(-side, -axle), (side, -axle), (-side, axle), (side, axle)];
     for (k, (x, y)) in corners.into_iter().enumerate() {

@@ -134,7 +134,7 @@ impl SimulatedUser {
         studio.act(Command::Track(TrackSettings { tracker: "geometry".into(), ..TrackSettings::default() }))
     }
 
-    /// Mean IoU over all frames, per class.
+    /// Mean IoU over all frames, per class; what was told apart below a class counts as it.
     pub(super) fn mean_ious(&self, studio: &Studio<'_, '_>) -> Result<BTreeMap<String, f64>> {
         let mut sums = vec![0.0; self.classes.len()];
         for frame in 0..self.truth.len() {
@@ -170,10 +170,13 @@ impl SimulatedUser {
     /// IoU of each class on one frame.
     fn ious(&self, studio: &Studio<'_, '_>, frame: usize) -> Result<Vec<f64>> {
         let mask = mask_of(studio, frame)?;
+        let tree = &studio.session.project().context("no project is open")?.labels;
         let iou = |class: &Class| {
+            let is_below = |id: &LabelId| tree.path(*id).contains(&class.id);
+            let of_class: Vec<LabelId> = tree.iter().map(|label| label.id).filter(is_below).collect();
             let (mut both, mut either) = (0_usize, 0_usize);
             for (&truth, &result) in self.truth[frame].ids.iter().zip(&mask.ids) {
-                let (a, b) = (truth == class.id, result == class.id);
+                let (a, b) = (truth == class.id, of_class.contains(&result));
                 both += usize::from(a && b);
                 either += usize::from(a || b);
             }
