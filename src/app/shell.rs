@@ -51,7 +51,7 @@ impl Shell {
         if look.has_frames() {
             self.side_panels_ui(ui, look, &mut out, &mut wishes);
         } else if look.inspected.is_some() {
-            side_panel(Panel::left("labels"), 230.0).show(ui, |ui| cloud_labels_ui(ui, look, &mut self.view));
+            side_panel(Panel::left("labels"), 256.0).show(ui, |ui| cloud_labels_ui(ui, look, &mut self.view));
         }
         let fill = ui.visuals().panel_fill;
         CentralPanel::default().frame(Frame::new().fill(fill)).show(ui, |ui| {
@@ -99,7 +99,7 @@ impl Shell {
 
     fn side_panels_ui(&mut self, ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
         let view = &mut self.view;
-        side_panel(Panel::left("labels"), 230.0).show(ui, |ui| {
+        side_panel(Panel::left("labels"), 256.0).show(ui, |ui| {
             scrolled(ui, "left", |ui| {
                 labels_ui(ui, look, view, out);
                 instances_ui(ui, look, view, out);

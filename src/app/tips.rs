@@ -30,6 +30,12 @@ pub(super) fn section_heading(ui: &mut Ui, text: &str) {
     ui.add_space(2.0);
 }
 
+/// Controls of a bar that belong together, about `width` points wide: where the row has no room left they begin the next.
+pub(super) fn together<R>(ui: &mut Ui, width: f32, content: impl FnOnce(&mut Ui) -> R) -> R {
+    let size = egui::vec2(width, ui.spacing().interact_size.y);
+    ui.allocate_ui_with_layout(size, egui::Layout::left_to_right(egui::Align::Center), content).inner
+}
+
 /// A row of a form: what it is on the left, the control on the right, named after it.
 pub(super) fn field<R>(ui: &mut Ui, name: &str, tip: &str, content: impl FnOnce(&mut Ui) -> R) -> R {
     ui.label(name).on_hover_text(tip);

@@ -3,7 +3,7 @@ use egui::{Slider, Ui};
 use super::draft::Tool;
 use crate::app::layers::layer_ui;
 use crate::app::menu::is_possible;
-use crate::app::tips::action_button;
+use crate::app::tips::{action_button, together};
 use crate::app::{Action, Look, ViewState};
 
 /// Tools, zoom and the look of the masks, in one row above the picture.
@@ -73,10 +73,12 @@ fn zoom_ui(ui: &mut Ui, view: &ViewState, zoom_percent: f32, wishes: &mut Vec<Ac
 
 fn mask_look_ui(ui: &mut Ui, view: &mut ViewState) {
     let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleMasks);
-    ui.checkbox(&mut view.masks_shown, "Masks").on_hover_text(tip);
-    let slider = Slider::new(&mut view.prefs.opacity, 0.0..=1.0).show_value(false);
-    ui.spacing_mut().slider_width = 70.0;
-    ui.add_enabled(view.masks_shown, slider).on_hover_text("Opacity of the masks").accessible_name("Mask opacity");
+    together(ui, 150.0, |ui| {
+        ui.checkbox(&mut view.masks_shown, "Masks").on_hover_text(tip);
+        let slider = Slider::new(&mut view.prefs.opacity, 0.0..=1.0).show_value(false);
+        ui.spacing_mut().slider_width = 70.0;
+        ui.add_enabled(view.masks_shown, slider).on_hover_text("Opacity of the masks").accessible_name("Mask opacity");
+    });
     let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleOutlines);
     ui.add_enabled(view.masks_shown, egui::Checkbox::new(&mut view.prefs.outlines, "Outlines")).on_hover_text(tip);
 }

@@ -137,8 +137,12 @@ fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> Respons
     let weak = ui.visuals().weak_text_color();
     let at = rect.left_center() + egui::vec2(5.0, 0.0);
     let end = painter.text(at, egui::Align2::LEFT_CENTER, key, font.clone(), weak);
-    let at = egui::pos2(end.right().max(at.x), rect.center().y);
-    painter.text(at, egui::Align2::LEFT_CENTER, name, font, visuals.text_color());
+    let left = end.right().max(at.x);
+    let color = visuals.text_color();
+    let mut job = egui::text::LayoutJob::simple_singleline(name.to_owned(), font, color);
+    job.wrap = egui::text::TextWrapping::truncate_at_width(rect.right() - 2.0 - left);
+    let galley = painter.layout_job(job);
+    painter.galley(egui::pos2(left, rect.center().y - galley.size().y / 2.0), galley, color);
     response
 }
 
@@ -153,6 +157,7 @@ fn row_end_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<
         text = format!("{} · {text}", rounded(points));
         tip += &format!("; it and what is below it have {} points", grouped(points));
     }
+    ui.add_space(4.0);
     ui.label(RichText::new(text).weak().size(11.0)).on_hover_text(tip);
 }
 

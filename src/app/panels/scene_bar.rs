@@ -2,7 +2,7 @@ use egui::{ComboBox, Slider, Ui};
 
 use super::ruler::ruler_ui;
 use super::scene_display::{clip_ui, display_ui};
-use crate::app::tips::action_button;
+use crate::app::tips::{action_button, together};
 use crate::app::{Action, Look, Shown, ViewState};
 use crate::masks::LabelTree;
 use crate::view::Coloring;
@@ -42,8 +42,10 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
         ui.add_space(8.0);
         ui.spacing_mut().slider_width = 70.0;
         let slider = Slider::new(&mut view.prefs.point_size, 1.0..=12.0).show_value(false);
-        ui.label("Size");
-        ui.add(slider).on_hover_text("Size of the points").accessible_name("Point size");
+        together(ui, 110.0, |ui| {
+            ui.label("Size");
+            ui.add(slider).on_hover_text("Size of the points").accessible_name("Point size");
+        });
         let has_cameras = look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
         if has_cameras {
             ui.checkbox(&mut view.prefs.frusta, "Cameras")
@@ -72,8 +74,10 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
         if view.scene.through.is_some() {
             let slider = Slider::new(&mut view.prefs.scene.blend, 0.0..=1.0).show_value(false);
             let tip = "How much of the picture is laid over what its camera sees; the view follows the frame shown";
-            ui.label("Picture");
-            ui.add(slider).on_hover_text(tip).accessible_name("Opacity of the picture");
+            together(ui, 130.0, |ui| {
+                ui.label("Picture");
+                ui.add(slider).on_hover_text(tip).accessible_name("Opacity of the picture");
+            });
         }
         if look.votes.is_some() {
             let tip = shortcuts.tip(ui.ctx(), Action::ChoosePoints);

@@ -2,6 +2,7 @@ use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Stroke, Ui, Vec2}
 use glam::Vec3;
 
 use crate::app::ViewState;
+use crate::scene::measure::{Dimension, LengthUnit};
 use crate::view::{Coloring, ViewCamera, ramp};
 
 /// Longest scale bar in screen points.
@@ -10,7 +11,13 @@ const BAR: f32 = 140.0;
 const AXIS: f32 = 26.0;
 
 /// Scale bar, directions of the axes and the legend of the colours over the 3-D view; `depth` is the target's.
-pub(super) fn marks(ui: &Ui, rect: Rect, view: &ViewState, camera: &ViewCamera, depth: f32, range: Option<[f32; 2]>) {
+pub(super) fn marks(
+    ui: &Ui,
+    rect: Rect,
+    (view, unit): (&ViewState, LengthUnit),
+    (camera, depth): (&ViewCamera, f32),
+    range: Option<[f32; 2]>,
+) {
     let painter = ui.painter_at(rect);
     let ink = ink_on(view.prefs.scene.background.unwrap_or_else(|| {
         let fill = ui.visuals().extreme_bg_color;
@@ -18,7 +25,7 @@ pub(super) fn marks(ui: &Ui, rect: Rect, view: &ViewState, camera: &ViewCamera, 
     }));
     if view.prefs.scene.scale_bar {
         let points_per_unit = camera.px_per_unit(depth) * rect.width() / camera.width.max(1) as f32;
-        scale_bar(&painter, rect.center_bottom() + Vec2::new(0.0, -22.0), points_per_unit, ink);
+        scale_bar(&painter, rect.center_bottom() + Vec2::new(0.0, -22.0), (points_per_unit, unit), ink);
     }
     if view.prefs.scene.axes {
         axes(&painter, rect.right_bottom() + Vec2::new(-46.0, -46.0), camera, ink);
@@ -34,7 +41,7 @@ fn ink_on([r, g, b]: [u8; 3]) -> Color32 {
     Color32::from_gray(if light > 127.0 { 30 } else { 225 })
 }
 
-fn scale_bar(painter: &Painter, middle: Pos2, points_per_unit: f32, ink: Color32) {
+fn scale_bar(painter: &Painter, middle: Pos2, (points_per_unit, unit): (f32, LengthUnit), ink: Color32) {
     let Some(length) = round_length(BAR / points_per_unit) else { return };
     let half = Vec2::new(length * points_per_unit / 2.0, 0.0);
     let stroke = Stroke::new(1.5, ink);
@@ -42,8 +49,20 @@ fn scale_bar(painter: &Painter, middle: Pos2, points_per_unit: f32, ink: Color32
     for end in [middle - half, middle + half] {
         painter.line_segment([end - Vec2::new(0.0, 4.0), end + Vec2::new(0.0, 4.0)], stroke);
     }
-    let text = if !(1e-4..1e5).contains(&length) { format!("{length:e} units") } else { format!("{length} units") };
+    let text = length_text(length, unit);
     painter.text(middle - Vec2::new(0.0, 5.0), Align2::CENTER_BOTTOM, text, FontId::proportional(12.0), ink);
+}
+
+/// A round length in the unit that writes it shortest.
+fn length_text(length: f32, unit: LengthUnit) -> String {
+    let unit = match unit {
+        LengthUnit::World => LengthUnit::World,
+        _ if length < 0.0099 => LengthUnit::Millimetre,
+        _ if length < 0.99 => LengthUnit::Centimetre,
+        _ => LengthUnit::Metre,
+    };
+    let value = unit.value(f64::from(length), Dimension::Length) as f32;
+    if (1e-4..1e5).contains(&value) { format!("{value} {}", unit.sign()) } else { format!("{value:e} {}", unit.sign()) }
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that is not above `most`.
@@ -116,5 +135,8 @@ mod tests {
         let lengths = [0.034, 1.0, 1.99, 7.0, 430.0].map(|most| round_length(most).unwrap());
         assert_eq!(lengths, [0.02, 1.0, 1.0, 5.0, 200.0]);
         assert_eq!((round_length(0.0), round_length(f32::NAN)), (None, None));
+        let texts = [0.002, 0.05, 0.5, 1.0, 200.0].map(|length| length_text(length, LengthUnit::Metre));
+        assert_eq!(texts, ["2 mm", "5 cm", "50 cm", "1 m", "200 m"]);
+        assert_eq!(length_text(0.05, LengthUnit::World), "0.05 units");
     }
 }

@@ -42,6 +42,7 @@ const PLANES: usize = 200;
 #[derive(Default)]
 struct Framed {
     cloud: Option<Arc<LabelledCloud>>,
+    centre: Vec3,
     radius: f32,
     axes: Option<Axes>,
     /// Where it lies along the axes.
@@ -149,7 +150,9 @@ impl ScenePane {
     }
 
     fn measure(&mut self, look: &Look<'_>) {
-        self.framed.radius = bounds(look).map_or(1.0, |bounds| bounds.radius());
+        let bounds = bounds(look);
+        self.framed.centre = bounds.as_ref().map_or(Vec3::ZERO, Bounds::centre);
+        self.framed.radius = bounds.map_or(1.0, |bounds| bounds.radius());
         let axes = Axes::of_cameras(&look.project.frames);
         self.framed.axes = Some(axes);
         self.framed.extent = look.points().and_then(|cloud| axes.bounds(every_nth(cloud).map(|n| cloud.positions[n])));
@@ -200,7 +203,10 @@ impl ScenePane {
     fn look_through(&mut self, frame: Option<&Frame>) -> bool {
         let up = self.orbit.map_or(Vec3::NEG_Y, |orbit| orbit.up);
         let Some((camera, pose)) = frame.and_then(Frame::posed_camera) else { return false };
-        self.orbit = Some(Orbit::through(camera, pose, self.framed.radius, up));
+        // As far away as the middle of the scene, so that what is measured at the target's depth is true there.
+        let depth = pose.transform(self.framed.centre.as_dvec3()).z as f32;
+        let depth = if depth > 0.1 * self.framed.radius { depth } else { self.framed.radius };
+        self.orbit = Some(Orbit::through(camera, pose, depth, up));
         self.through = self.orbit;
         true
     }
@@ -309,7 +315,7 @@ impl ScenePane {
         if !canvas.draw(ui, rect, model(look, view), &Scene3d { camera, style, lines, planes }) {
             ui.ctx().request_repaint();
         }
-        marks(ui, rect, view, &camera, orbit.distance, canvas.range());
+        marks(ui, rect, (view, look.unit), (&camera, orbit.distance), canvas.range());
     }
 }
 
