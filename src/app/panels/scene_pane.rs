@@ -90,6 +90,7 @@ impl ScenePane {
         response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), "3-D view"));
         ui.painter().rect_filled(rect, 0.0, ui.visuals().extreme_bg_color);
         let size = rect.size() * ui.pixels_per_point();
+        let through = view.scene.through;
         self.frame_new_content(look, view, size.x / size.y.max(1.0));
         let Some(orbit) = self.orbit else {
             return message(
@@ -103,6 +104,10 @@ impl ScenePane {
         self.input(ui, &response, look, view, &camera);
         // Whoever moves the view does not look through the camera any more.
         view.scene.through = view.scene.through.filter(|_| self.orbit == self.through);
+        if view.scene.through != through {
+            // The bar above is drawn already.
+            ui.ctx().request_repaint();
+        }
         self.draw(ui, rect, look, view);
         blend(ui, (rect, &camera, orbit.distance), look, view, textures);
         if let Some(wish) = view.picture_wish.take() {
