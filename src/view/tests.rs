@@ -225,12 +225,12 @@ fn pictures_stand_in_space_the_right_way_round_behind_what_is_nearer() {
     let point = LabelledCloud::from_positions(vec![Vec3::new(-0.7, 0.0, 0.0)]);
     view.set_model(Model::Cloud(Arc::new(point)));
     let style = SceneStyle { point_px: 6.0, edl_strength: 0.0, ..SceneStyle::default() };
-    let camera = orbit.camera(200, 200);
+    let camera = orbit.camera(256, 256);
     let planes = vec![PicturePlane { corners, image }];
     let (pixels, _) = drawn(&mut view, &Scene3d { planes, ..scene(camera, &style) });
     let at = |x: Vec3| {
         let (px, _) = camera.project(x).unwrap();
-        pixels[px.y as usize * 200 + px.x as usize]
+        pixels[px.y as usize * 256 + px.x as usize]
     };
     assert_eq!(at(Vec3::new(-0.8, -0.8, 0.5))[..3], [255, 0, 0]);
     assert_eq!(at(Vec3::new(0.8, -0.8, 0.5))[..3], [0, 255, 0]);
@@ -238,6 +238,6 @@ fn pictures_stand_in_space_the_right_way_round_behind_what_is_nearer() {
     assert_eq!(at(Vec3::new(-0.7, 0.0, 0.0))[..3], [192; 3], "the point hides the picture");
     let (bare, _) = drawn(&mut view, &scene(camera, &style));
     let (px, _) = camera.project(Vec3::new(0.8, -0.8, 0.5)).unwrap();
-    let left = bare[px.y as usize * 200 + px.x as usize];
+    let left = bare[px.y as usize * 256 + px.x as usize];
     assert_eq!(left[..3], style.background, "planes go when they are taken out");
 }
