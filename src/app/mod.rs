@@ -20,6 +20,7 @@ mod shortcuts;
 mod textures;
 mod theme;
 mod tips;
+mod trail;
 mod view_state;
 mod window;
 

@@ -173,8 +173,15 @@ impl Window {
 
     /// Carries out a command; what cannot be done is told.
     pub fn act(&mut self, command: Command) {
-        if let Err(error) = self.session.act(command) {
-            self.fail(format!("{error:#}"));
+        let moved = match command {
+            Command::Undo => self.session.undo_title().map(|title| format!("{title}: undone")),
+            Command::Redo => self.session.redo_title().map(|title| format!("{title}: done again")),
+            _ => None,
+        };
+        match (self.session.act(command), moved) {
+            (Ok(_), Some(moved)) => self.shell.view.note = moved,
+            (Ok(_), None) => {}
+            (Err(error), _) => self.fail(format!("{error:#}")),
         }
     }
 

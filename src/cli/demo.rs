@@ -46,7 +46,7 @@ fn draw(session: &Session, args: &DemoArgs) -> Result<()> {
     let (width, height) = (960, 1280);
     let orbit = default_view(cloud, &project.frames, width as f32 / height as f32).ok_or(ViewError::Empty)?;
     let style = SceneStyle { appearance, ..SceneStyle::default() };
-    let portrait = Portrait { model: Model::Cloud(Arc::clone(cloud)), orbit, style, rows: height };
+    let portrait = Portrait::new(Model::Cloud(Arc::clone(cloud)), orbit, style, height);
     Ok(write_png(&args.out.join("shot.png"), &portrait.draw((width, height), 0.0, false), false)?)
 }
 

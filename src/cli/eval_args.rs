@@ -65,7 +65,7 @@ pub(super) struct InteractArgs {
     /// auto, xmem, deaot, geometry or flow.
     #[arg(long, default_value = "auto", value_name = "NAME")]
     pub tracker: String,
-    /// auto, sam, sam-close (looks closely around each prompt) or builtin.
+    /// auto, sam, sam-close (looks closely around each prompt), geometry (solid things in frames with depth and cameras) or builtin.
     #[arg(long, default_value = "auto", value_name = "NAME")]
     pub segmenter: String,
     /// How far clicks fall from where they are meant: standard deviation along each axis.

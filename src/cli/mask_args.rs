@@ -24,7 +24,7 @@ pub(super) struct PromptArgs {
     /// Boxes around it.
     #[arg(long = "box", num_args = 1.., value_name = "X0,Y0,X1,Y1", value_parser = values::px_box)]
     pub boxes: Vec<[DVec2; 2]>,
-    /// auto, sam, sam-close (looks closely around each prompt) or builtin.
+    /// auto, sam, sam-close (looks closely around each prompt), geometry (solid things in frames with depth and cameras) or builtin.
     #[arg(long, default_value = "auto", value_name = "NAME")]
     pub segmenter: String,
 }
@@ -82,7 +82,7 @@ pub(super) struct GroundArgs {
     /// auto, grounding-dino or yolox.
     #[arg(long, default_value = "auto", value_name = "NAME")]
     pub grounder: String,
-    /// Makes masks of the boxes: auto, sam, sam-close (looks closely around each prompt) or builtin.
+    /// Makes masks of the boxes: auto, sam, sam-close (looks closely around each prompt), geometry (solid things in frames with depth and cameras) or builtin.
     #[arg(long, default_value = "auto", value_name = "NAME")]
     pub segmenter: String,
 }

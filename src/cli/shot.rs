@@ -16,7 +16,7 @@ pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     let (width, height) = args.size;
     let frames = &driver.project()?.frames;
     let orbit = default_view(model.points(), frames, width as f32 / height as f32).ok_or(ViewError::Empty)?;
-    let portrait = Portrait { model, orbit, style, rows: height };
+    let portrait = Portrait::new(model, orbit, style, height);
     write_png(&args.out, &portrait.draw(args.size, 0.0, args.transparent), args.transparent)
         .with_context(|| format!("{}: no picture was written", args.out.display()))?;
     turntable(args, &mut driver, portrait)

@@ -20,6 +20,25 @@ pub trait Segmenter: Send + Sync {
         depth: Option<&Arc<DepthMap>>,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError>;
+
+    /// The same for an engine to which it matters where the frame was taken from and what lies around it.
+    ///
+    /// # Errors
+    /// As [`Self::prepare`].
+    fn prepare_frame(
+        &self,
+        _frame: &Frame,
+        image: &Arc<Image>,
+        depth: Option<&Arc<DepthMap>>,
+        progress: &Progress,
+    ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
+        self.prepare(image, depth, progress)
+    }
+
+    /// What else than a frame's own pixels its answers rest on: a prepared frame is good for the same basis only.
+    fn basis(&self) -> String {
+        String::new()
+    }
 }
 
 /// A frame made ready by a [`Segmenter`]; answers prompts quickly.

@@ -5,7 +5,7 @@ use anyhow::{Result, bail, ensure};
 use super::networks::{KeptSam, KeptTracker, KeptXFeat, SAM_NETWORKS, TrackNetwork, grounding_dino, yolox};
 use super::{Project, TrackSettings};
 use crate::engine::nn::{Catalogue, Runtime, models_folder};
-use crate::frames::Frame;
+use crate::frames::{Frame, FrameStore};
 use crate::masks::builtin::BuiltinSegmenter;
 use crate::masks::flow::{Describer, FlowTracker};
 use crate::masks::{Segmenter, TextGrounder, Tracker};
@@ -15,7 +15,7 @@ use crate::scene::sfm::onnx::{
     LighterGlue, LighterGlueOptions, SuperGlue, SuperGlueOptions, SuperPoint, SuperPointOptions, XFeat, XFeatOptions,
 };
 use crate::scene::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
-use crate::scene::{ConstrainOptions, ConstrainedTracker, GeometryTracker};
+use crate::scene::{ConstrainOptions, ConstrainedTracker, GeometrySegmenter, GeometryTracker};
 
 /// What an engine is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,6 +78,7 @@ pub fn engines() -> Vec<Engine> {
         segmenter("auto", true, "nothing; takes the best that is installed"),
         segmenter("sam", sam_network().is_some(), SAM),
         segmenter("sam-close", sam_network().is_some(), SAM),
+        segmenter("geometry", true, "depth and cameras of several frames; takes thin things by the picture alone"),
         segmenter("builtin", true, "nothing"),
         grounder("auto", GROUNDERS.into_iter().any(is_usable), GROUNDER),
         grounder("grounding-dino", is_usable("grounding-dino"), GROUNDING_DINO),
@@ -113,19 +114,27 @@ pub(super) fn check_installed(kind: EngineKind, name: &str) -> Result<()> {
     }
 }
 
-/// The segmenter of this name; `auto` is the best that is installed.
-pub(super) fn segmenter(name: &str) -> Result<Arc<dyn Segmenter>> {
+/// The segmenter of this name; `auto` is the best that is installed, `geometry` the one of the frames to be
+/// segmented.
+pub(super) fn segmenter(name: &str, geometry: Arc<GeometrySegmenter>) -> Result<Arc<dyn Segmenter>> {
     check_installed(EngineKind::Segmenter, name)?;
-    Ok(match sam_network().filter(|_| name != "builtin") {
-        Some(network) => Arc::new(KeptSam { network, is_close: name == "sam-close" }),
-        None => Arc::new(BuiltinSegmenter),
+    let sam = |network| Arc::new(KeptSam { network, is_close: name == "sam-close" });
+    Ok(match (name, sam_network()) {
+        ("auto" | "sam" | "sam-close", Some(network)) => sam(network),
+        ("geometry", _) => geometry,
+        _ => Arc::new(BuiltinSegmenter),
     })
+}
+
+/// The segmenter `geometry` for some frames.
+pub(super) fn geometry_segmenter(frames: Arc<Vec<Frame>>, store: Arc<FrameStore>) -> Arc<GeometrySegmenter> {
+    Arc::new(GeometrySegmenter::new(frames, store, Arc::new(BuiltinSegmenter)))
 }
 
 /// The segmenter that shows what a click would give before it is made: the one of this name, but for one that works hard
 /// for each place anew.
-pub(super) fn previewer(name: &str) -> Result<Arc<dyn Segmenter>> {
-    segmenter(if name == "sam-close" { "sam" } else { name })
+pub(super) fn previewer(name: &str, geometry: Arc<GeometrySegmenter>) -> Result<Arc<dyn Segmenter>> {
+    segmenter(if name == "sam-close" { "sam" } else { name }, geometry)
 }
 
 /// The first network behind `sam` that can be used.

@@ -38,8 +38,9 @@ impl Session {
             return;
         }
         let (Some(request), Ok(project)) = (self.hover.wanted.clone(), self.snapshot()) else { return };
+        let geometry = self.geometry_for(&project);
         let (Some(frame), Ok(segmenter)) =
-            (project.frames.get(request.frame).cloned(), engines::previewer(&request.segmenter))
+            (project.frames.get(request.frame).cloned(), engines::previewer(&request.segmenter, geometry))
         else {
             return;
         };

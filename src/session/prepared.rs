@@ -48,7 +48,7 @@ impl PreparedFrames {
         store: &FrameStore,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>> {
-        let key = format!("{} {:?} {:?}", segmenter.name(), frame.picture, frame.depth);
+        let key = format!("{} {} {:?} {:?}", segmenter.name(), segmenter.basis(), frame.picture, frame.depth);
         let ready = self.slot(&key);
         let mut ready = ready.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(prepared) = ready.as_ref() {
@@ -61,7 +61,7 @@ impl PreparedFrames {
             Some(made) if !frame.has_sensor_depth() => Some(Arc::new(settled(&made, &image))),
             depth => depth,
         };
-        let prepared = segmenter.prepare(&image, depth.as_ref(), progress)?;
+        let prepared = segmenter.prepare_frame(frame, &image, depth.as_ref(), progress)?;
         *ready = Some(Arc::clone(&prepared));
         drop(ready);
         self.weigh(&key, prepared.bytes());

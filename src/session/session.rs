@@ -23,6 +23,7 @@ use super::{
 use crate::engine::nn::take_fall_backs;
 use crate::frames::FrameStore;
 use crate::masks::RunMask;
+use crate::scene::GeometrySegmenter;
 
 /// Bytes of decoded pictures and depths kept.
 pub(super) const PIXEL_BYTES: usize = 256 << 20;
@@ -51,6 +52,8 @@ pub struct Session {
     pub(super) proposed: OnDemand<(u64, InstancesRequest), ProposedInstances>,
     pub(super) track: Option<TrackRun>,
     pub(super) prepared: Arc<PreparedFrames>,
+    /// The segmenter that knows where the project's frames were taken from.
+    pub(super) geometry: Option<Arc<GeometrySegmenter>>,
     /// Name of the frame that was last asked to be made ready.
     pub(super) preparing: Option<String>,
     pub(super) hover: Hover,
@@ -91,6 +94,7 @@ impl Session {
             proposed: OnDemand::default(),
             track: None,
             prepared: Arc::new(PreparedFrames::new(PREPARED_BYTES)),
+            geometry: None,
             preparing: None,
             hover: Hover::default(),
             selected: Selected::default(),

@@ -1,6 +1,7 @@
-use glam::{Mat3, Vec3};
+use glam::{DQuat, Mat3, Vec3};
 
 use super::Bounds;
+use super::upright::upright;
 use crate::frames::Frame;
 
 /// Least share of the cameras' common direction that must point sideways for it to say where the front is.
@@ -48,19 +49,16 @@ impl Axes {
         Self { right: forward.cross(up), up, forward }
     }
 
-    /// Upright as the cameras stood on the mean; the front is what most of them look at, or the first one where they
+    /// Upright as [`upright`] has it; the front is what most of them look at, or the first one where they
     /// stand all around. Without cameras y is down and z away.
     #[must_use]
     pub fn of_cameras(frames: &[Frame]) -> Self {
-        let turns: Vec<_> = frames
-            .iter()
-            .filter_map(Frame::posed_camera)
-            .map(|(_, pose)| pose.rotation.as_quat().conjugate())
-            .collect();
-        let mean = |axis: Vec3| turns.iter().map(|&turn| turn * axis).sum::<Vec3>() / turns.len().max(1) as f32;
-        let up = mean(Vec3::NEG_Y).normalize_or(Vec3::NEG_Y);
-        let level = mean(Vec3::Z).reject_from_normalized(up);
-        let first = turns.first().map_or(Vec3::Z, |&turn| turn * Vec3::Z);
+        let posed = frames.iter().filter_map(Frame::posed_camera);
+        let turns: Vec<DQuat> = posed.map(|(_, pose)| pose.rotation.conjugate()).collect();
+        let up = upright(&turns).as_vec3();
+        let looks: Vec<Vec3> = turns.iter().map(|turn| turn.as_quat() * Vec3::Z).collect();
+        let level = (looks.iter().sum::<Vec3>() / looks.len().max(1) as f32).reject_from_normalized(up);
+        let first = looks.first().copied().unwrap_or(Vec3::Z);
         Self::new(up, if level.length() > LEVEL_SHARE { level } else { first })
     }
 

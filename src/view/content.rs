@@ -1,17 +1,12 @@
-use std::ops::Range;
 use std::sync::Arc;
 
-use wgpu::util::DeviceExt;
-
-use super::Appearance;
+use super::arranging::{Arranged, Arranging, Arrival};
 use super::paint::Paint;
 use super::pipelines::Pipelines;
-use super::points::{PointInstance, SpreadOrder, pack, spacing};
+use super::point_blocks::PointBlocks;
 use super::surface_chunks::SurfaceChunks;
+use super::{Appearance, Scene3d};
 use crate::scene::{LabelledCloud, LabelledMesh};
-
-/// Points per GPU buffer: 8 MB, packed in a few milliseconds.
-const CHUNK: usize = 500_000;
 
 /// What the 3-D view shows.
 #[derive(Debug, Clone)]
@@ -45,51 +40,92 @@ impl Model {
     }
 }
 
-/// A model on its way to the GPU: points, or chunks of triangles, in an order in which every part is spread over the whole.
+/// A model on its way to the GPU and the picture that is being drawn of it.
 pub(super) struct Content {
     model: Model,
-    /// Distance between points; 0 for triangles.
-    pub(super) spacing: f32,
-    /// How many points or triangles there are.
-    pub(super) len: usize,
-    /// How many the GPU has; the first of the order.
-    pub(super) uploaded: usize,
     /// The colours of what is uploaded; `None` until the first upload.
     paint: Option<Paint>,
     kind: Kind,
 }
 
 enum Kind {
-    Points { order: SpreadOrder, chunks: Vec<wgpu::Buffer> },
+    Points {
+        /// A sample of the points, later all; `None` until the first is arranged.
+        blocks: Option<PointBlocks>,
+        /// `None` once all has come.
+        arranging: Option<Arranging>,
+    },
     Surface(SurfaceChunks),
 }
 
 impl Content {
-    pub(super) fn new(model: Model) -> Self {
-        let (len, kind, spacing) = match &model {
+    /// Nothing.
+    pub(super) fn empty() -> Self {
+        let blocks = Some(PointBlocks::new(Arc::default()));
+        Self { model: Model::Cloud(Arc::default()), paint: None, kind: Kind::Points { blocks, arranging: None } }
+    }
+
+    /// `before` is what was shown till now.
+    pub(super) fn new(model: Model, before: &Self) -> Self {
+        let kind = match &model {
+            Model::Cloud(cloud) if cloud.is_empty() => return Self::empty(),
             Model::Cloud(cloud) => {
-                let kind = Kind::Points { order: SpreadOrder::new(cloud.len()), chunks: Vec::new() };
-                (cloud.len(), kind, spacing(cloud))
+                Kind::Points { blocks: None, arranging: Some(Arranging::begin(Arc::clone(cloud), before.arranged())) }
             }
             Model::Surface(mesh) | Model::Wireframe(mesh) => {
-                let edges = matches!(model, Model::Wireframe(_));
-                (mesh.triangles.len(), Kind::Surface(SurfaceChunks::new(mesh.triangles.len(), edges)), 0.0)
+                Kind::Surface(SurfaceChunks::new(mesh.triangles.len(), matches!(model, Model::Wireframe(_))))
             }
         };
-        Self { model, spacing, len, uploaded: 0, paint: None, kind }
+        Self { model, paint: None, kind }
+    }
+
+    /// A cloud with the arrangement of all of its points.
+    fn arranged(&self) -> Option<Arranged> {
+        match (&self.model, &self.kind) {
+            (Model::Cloud(cloud), Kind::Points { blocks: Some(blocks), .. }) => {
+                let all = blocks.arrangement();
+                (all.len() == cloud.len()).then(|| (Arc::clone(cloud), Arc::clone(all)))
+            }
+            _ => None,
+        }
     }
 
     pub(super) fn shows(&self, model: &Model) -> bool {
         self.model.is(model)
     }
 
+    /// Takes what was arranged meanwhile; whether pictures are to begin anew for it.
+    pub(super) fn receive(&mut self) -> bool {
+        let Kind::Points { blocks, arranging } = &mut self.kind else { return false };
+        match arranging.as_ref().map(Arranging::next) {
+            Some(Arrival::Some(arrangement)) => {
+                *blocks = Some(PointBlocks::new(arrangement));
+                true
+            }
+            Some(Arrival::Over) => {
+                *arranging = None;
+                false
+            }
+            Some(Arrival::NotYet) | None => false,
+        }
+    }
+
+    /// Whether there is anything to be drawn yet.
+    pub(super) fn is_ready(&self) -> bool {
+        !matches!(self.kind, Kind::Points { blocks: None, .. })
+    }
+
+    /// Whether nothing better than what is drawn comes by itself.
+    pub(super) fn is_final(&self) -> bool {
+        !matches!(self.kind, Kind::Points { arranging: Some(_), .. })
+    }
+
     /// Colours are others now: all is to be uploaded anew.
     pub(super) fn forget(&mut self) {
-        self.uploaded = 0;
         self.paint = None;
         match &mut self.kind {
-            Kind::Points { chunks, .. } => chunks.clear(),
-            Kind::Surface(chunks) => chunks.clear(),
+            Kind::Points { blocks, .. } => blocks.iter_mut().for_each(PointBlocks::forget),
+            Kind::Surface(chunks) => chunks.forget(),
         }
     }
 
@@ -106,44 +142,82 @@ impl Content {
         }
     }
 
-    /// Hands the GPU a bounded part more.
-    pub(super) fn upload_next(&mut self, device: &wgpu::Device, appearance: &Appearance) {
+    /// How many points or triangles there are.
+    pub(super) fn len(&self) -> usize {
+        match &self.kind {
+            Kind::Points { .. } => self.model.points().len(),
+            Kind::Surface(chunks) => chunks.len(),
+        }
+    }
+
+    /// How many points or triangles of the picture are drawn.
+    pub(super) fn drawn(&self) -> usize {
+        match &self.kind {
+            Kind::Points { blocks, .. } => blocks.as_ref().map_or(0, PointBlocks::drawn),
+            Kind::Surface(chunks) => chunks.drawn(),
+        }
+    }
+
+    /// Whether the picture is drawn as it was begun.
+    pub(super) fn is_drawn(&self) -> bool {
+        match &self.kind {
+            Kind::Points { blocks, .. } => blocks.as_ref().is_some_and(PointBlocks::is_drawn),
+            Kind::Surface(chunks) => chunks.drawn() == chunks.len(),
+        }
+    }
+
+    /// Whether the picture is drawn and no finer one can be begun of what is there.
+    pub(super) fn is_whole(&self) -> bool {
+        match &self.kind {
+            Kind::Points { blocks, .. } => blocks.as_ref().is_some_and(PointBlocks::is_whole),
+            Kind::Surface(_) => self.is_drawn(),
+        }
+    }
+
+    /// Whether what is drawn can be shown: a picture of points is whole in itself, however coarse, and holds until a finer
+    /// one is drawn; one of triangles fills up.
+    pub(super) fn is_presentable(&self) -> bool {
+        matches!(self.kind, Kind::Surface(_)) || self.is_drawn()
+    }
+
+    /// Begins a picture: of points, a coarse one of a batch that is on the GPU after a bounded upload.
+    pub(super) fn begin(&mut self, gpu: (&wgpu::Device, &wgpu::Queue), scene: &Scene3d, batch: usize) {
+        match &mut self.kind {
+            Kind::Points { blocks: Some(blocks), .. } => blocks.begin(&scene.camera, &scene.style, batch),
+            Kind::Points { .. } => {}
+            Kind::Surface(chunks) => chunks.begin(),
+        }
+        self.upload_next(gpu, &scene.style.appearance, batch);
+        if let Kind::Points { blocks: Some(blocks), .. } = &mut self.kind {
+            blocks.settle();
+        }
+    }
+
+    /// Begins a finer picture of the same scene; one of triangles goes on.
+    pub(super) fn refine(&mut self) {
+        if let Kind::Points { blocks: Some(blocks), .. } = &mut self.kind {
+            blocks.refine();
+        }
+    }
+
+    /// Hands the GPU a bounded part more of what the picture needs, of triangles for the next batch.
+    pub(super) fn upload_next(&mut self, gpu: (&wgpu::Device, &wgpu::Queue), appearance: &Appearance, batch: usize) {
+        let paint = self.paint.get_or_insert_with(|| Paint::new(self.model.points(), appearance));
         match (&self.model, &mut self.kind) {
-            (Model::Cloud(cloud), Kind::Points { order, chunks }) => {
-                let paint = self.paint.get_or_insert_with(|| Paint::new(cloud, appearance));
-                let end = (self.uploaded + CHUNK).min(cloud.len());
-                let points = pack(cloud, *order, self.uploaded..end, paint);
-                chunks.push(device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                    label: Some("points"),
-                    contents: bytemuck::cast_slice::<PointInstance, u8>(&points),
-                    usage: wgpu::BufferUsages::VERTEX,
-                }));
-                self.uploaded = end;
-            }
+            (Model::Cloud(cloud), Kind::Points { blocks: Some(blocks), .. }) => blocks.upload_next(gpu, cloud, paint),
             (Model::Surface(mesh) | Model::Wireframe(mesh), Kind::Surface(chunks)) => {
-                let paint = self.paint.get_or_insert_with(|| Paint::new(&mesh.vertices, appearance));
-                self.uploaded = chunks.upload_next(device, mesh, paint);
+                chunks.upload_next(gpu.0, mesh, paint, batch);
             }
             _ => {}
         }
     }
 
-    /// Draws a part of what is uploaded; gives how far it came, which for triangles is the end of a chunk.
-    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, pipelines: &Pipelines, part: Range<usize>) -> usize {
-        match &self.kind {
-            Kind::Points { chunks, .. } => {
-                pass.set_pipeline(&pipelines.points);
-                for (index, chunk) in chunks.iter().enumerate() {
-                    let first = index * CHUNK;
-                    let (from, to) = (part.start.max(first), part.end.min(first + CHUNK));
-                    if from < to {
-                        pass.set_vertex_buffer(0, chunk.slice(..));
-                        pass.draw(0..4, (from - first) as u32..(to - first) as u32);
-                    }
-                }
-                part.end
-            }
-            Kind::Surface(chunks) => chunks.draw(pass, pipelines, part),
+    /// Draws at most a batch more of the picture.
+    pub(super) fn draw(&mut self, pass: &mut wgpu::RenderPass<'_>, pipelines: &Pipelines, batch: usize) {
+        match &mut self.kind {
+            Kind::Points { blocks: Some(blocks), .. } => blocks.draw(pass, pipelines, batch),
+            Kind::Points { .. } => {}
+            Kind::Surface(chunks) => chunks.draw(pass, pipelines, batch),
         }
     }
 }

@@ -4,6 +4,8 @@
 //! May use: scene, masks, frames, geometry, engine::gpu. Must not touch: egui, Session.
 
 mod appearance;
+mod arrangement;
+mod arranging;
 mod axes;
 mod bounds;
 mod clip;
@@ -12,6 +14,8 @@ mod content;
 mod error;
 mod eye;
 mod eye_dome;
+mod frustum;
+mod growths;
 mod label_colors;
 mod layers;
 mod lines;
@@ -22,17 +26,22 @@ mod paint;
 mod pick;
 mod pipelines;
 mod planes;
+mod point_blocks;
 mod points;
 mod portrait;
 mod raster;
 mod scene_view;
+mod shares;
 mod shot;
+mod spacing;
 mod style;
 mod surface_chunks;
 mod target;
 #[cfg(test)]
 mod tests;
+mod upright;
 mod view_camera;
+mod z_order;
 
 pub use appearance::Appearance;
 pub use axes::{Axes, Side};

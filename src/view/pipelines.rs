@@ -1,5 +1,7 @@
 use wgpu::util::DeviceExt;
 
+use super::growths::Growths;
+use super::lines::Line;
 use super::planes::Planes;
 use super::points::{EyeUniform, PointInstance};
 use super::surface_chunks::SurfaceVertex;
@@ -14,6 +16,7 @@ pub(super) struct Pipelines {
     pub surface: wgpu::RenderPipeline,
     pub edges: wgpu::RenderPipeline,
     pub planes: Planes,
+    pub growths: Growths,
     pub eye: wgpu::Buffer,
     pub bindings: wgpu::BindGroup,
 }
@@ -26,15 +29,18 @@ struct Shape {
     attributes: &'static [wgpu::VertexAttribute],
 }
 
-const POINT: &[wgpu::VertexAttribute] = &wgpu::vertex_attr_array![0 => Float32x3, 1 => Unorm8x4];
 const DISCS: Shape = Shape {
     topology: wgpu::PrimitiveTopology::TriangleStrip,
     step_mode: wgpu::VertexStepMode::Instance,
     stride: size_of::<PointInstance>(),
-    attributes: POINT,
+    attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Unorm8x4, 2 => Float32],
 };
-const LINES: Shape =
-    Shape { topology: wgpu::PrimitiveTopology::LineList, step_mode: wgpu::VertexStepMode::Vertex, ..DISCS };
+const LINES: Shape = Shape {
+    topology: wgpu::PrimitiveTopology::LineList,
+    step_mode: wgpu::VertexStepMode::Vertex,
+    stride: size_of::<Line>(),
+    attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Unorm8x4],
+};
 const TRIANGLES: Shape = Shape {
     topology: wgpu::PrimitiveTopology::TriangleList,
     step_mode: wgpu::VertexStepMode::Vertex,
@@ -68,14 +74,16 @@ impl Pipelines {
             layout: &layout,
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: eye.as_entire_binding() }],
         });
-        let made = |shader, shape| pipeline(device, &layout, shader, shape);
+        let growths = Growths::new(device);
+        let made = |shader, shape| pipeline(device, &[&layout], shader, shape);
         let surface = || wgpu::include_wgsl!("shaders/surface.wgsl");
         Self {
-            points: made(wgpu::include_wgsl!("shaders/points.wgsl"), &DISCS),
+            points: pipeline(device, &[&layout, &growths.layout], wgpu::include_wgsl!("shaders/points.wgsl"), &DISCS),
             lines: made(wgpu::include_wgsl!("shaders/lines.wgsl"), &LINES),
             surface: made(surface(), &TRIANGLES),
             edges: made(surface(), &EDGES),
             planes: Planes::new(device, &layout),
+            growths,
             eye,
             bindings,
         }
@@ -84,7 +92,7 @@ impl Pipelines {
 
 fn pipeline(
     device: &wgpu::Device,
-    bindings: &wgpu::BindGroupLayout,
+    groups: &[&wgpu::BindGroupLayout],
     shader: wgpu::ShaderModuleDescriptor<'_>,
     shape: &Shape,
 ) -> wgpu::RenderPipeline {
@@ -93,7 +101,7 @@ fn pipeline(
         step_mode: shape.step_mode,
         attributes: shape.attributes,
     };
-    compiled(device, &[bindings], shader, (&[Some(vertices)], shape.topology), true)
+    compiled(device, groups, shader, (&[Some(vertices)], shape.topology), true)
 }
 
 /// The functions `vertex` and `fragment` of a shader, drawing vertices as they lie in memory; with `has_depth` what is drawn

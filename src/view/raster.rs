@@ -1,7 +1,7 @@
 use rayon::prelude::*;
 
+use super::arrangement::Arrangement;
 use super::paint::Paint;
-use super::points::spacing;
 use super::{SceneStyle, Shot, ViewCamera};
 use crate::scene::LabelledCloud;
 
@@ -37,8 +37,18 @@ pub(super) fn is_shown(opacity: u8, x: usize, y: usize) -> bool {
 /// scientifique de grands volumes de données, 2009). Equal for any number of threads.
 #[must_use]
 pub fn draw_cloud(cloud: &LabelledCloud, camera: &ViewCamera, style: &SceneStyle) -> Shot {
+    draw_arranged(cloud, &Arrangement::of(&cloud.positions), camera, style)
+}
+
+/// Draws a cloud whose points are arranged already.
+pub(super) fn draw_arranged(
+    cloud: &LabelledCloud,
+    arrangement: &Arrangement,
+    camera: &ViewCamera,
+    style: &SceneStyle,
+) -> Shot {
     let (width, height) = (camera.width as usize, camera.height as usize);
-    let splats = splats(cloud, camera, style);
+    let splats = splats(cloud, arrangement, camera, style);
     let mut pixels = vec![Pixel::background(style.background); width * height];
     let band = 32 * width.max(1);
     let by_band = sort_into_bands(&splats, height.div_ceil(32));
@@ -51,19 +61,18 @@ pub fn draw_cloud(cloud: &LabelledCloud, camera: &ViewCamera, style: &SceneStyle
     Shot::of_pixels(camera.width, camera.height, (0..width * height).into_par_iter().map(lit))
 }
 
-fn splats(cloud: &LabelledCloud, camera: &ViewCamera, style: &SceneStyle) -> Vec<Splat> {
+fn splats(cloud: &LabelledCloud, arrangement: &Arrangement, camera: &ViewCamera, style: &SceneStyle) -> Vec<Splat> {
     let (width, height) = (camera.width as f32, camera.height as f32);
-    let radius_world = spacing(cloud) * 0.75;
     let paint = Paint::new(cloud, &style.appearance);
-    let splat = |index: usize| {
+    let splat = |(index, radius): (usize, f32)| {
         let position = cloud.positions[index];
         let color = paint.color(cloud, index).filter(|_| style.clip.contains(position))?;
         let (px, depth) = camera.project(position)?;
-        let radius = (radius_world * camera.px_per_unit(depth)).clamp(style.point_px, style.point_px.max(24.0));
+        let radius = (radius * camera.px_per_unit(depth)).clamp(style.point_px, style.most_px());
         let seen = px.x > -radius && px.y > -radius && px.x < width + radius && px.y < height + radius;
         seen.then_some(Splat { x: px.x, y: px.y, depth, radius, color })
     };
-    (0..cloud.len()).into_par_iter().filter_map(splat).collect()
+    arrangement.discs().filter_map(splat).collect()
 }
 
 /// For each band of 32 rows the splats that touch it, in their order.

@@ -1,4 +1,3 @@
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use wgpu::util::DeviceExt;
@@ -27,19 +26,24 @@ pub struct Scene3d {
     pub planes: Vec<PicturePlane>,
 }
 
-/// Draws a cloud or a surface of any size into a texture of its own, a bounded batch of points or triangles per call: a
-/// part that is spread over the whole at once while the camera moves, all of it within some calls when it rests.
+/// Draws a cloud or a surface of any size into a texture of its own, a bounded batch of points or triangles per call. While
+/// the camera moves, the first call shows a part that is spread over all that is seen; when it rests, more calls fill the
+/// picture up (triangles) or draw finer ones out of sight, each of which is shown when it is done (points), until all is
+/// drawn.
 pub struct SceneView {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pipelines: Pipelines,
     dome: EyeDome,
     content: Content,
-    drawn: usize,
+    /// The picture is to begin anew for the same scene.
+    is_stale: bool,
     batch: usize,
     scene: Option<Scene3d>,
     target: Option<Target>,
+    /// When the last batch was begun, while batches follow each other, and how many points or triangles it had.
     last_draw: Option<Instant>,
+    last_count: usize,
 }
 
 impl SceneView {
@@ -51,36 +55,51 @@ impl SceneView {
             queue: queue.clone(),
             pipelines: Pipelines::new(device),
             dome: EyeDome::new(device),
-            content: Content::new(Model::Cloud(Arc::default())),
-            drawn: 0,
+            content: Content::empty(),
+            is_stale: true,
             batch: 200_000,
             scene: None,
             target: None,
             last_draw: None,
+            last_count: 0,
         }
     }
 
-    /// Shows another model from the next draw on; does nothing when it is the one shown.
+    /// Shows another model from one of the next draws on; does nothing when it is the one shown. A cloud is put in order in
+    /// the background first, for which the old picture stands.
     pub fn set_model(&mut self, model: Model) {
         if !self.content.shows(&model) {
-            self.content = Content::new(model);
-            self.drawn = 0;
+            self.content = Content::new(model, &self.content);
+            self.is_stale = true;
         }
     }
 
     /// Draws the next batch. Returns whether the picture is whole; call again (next frame) while it is not.
     pub fn draw(&mut self, scene: &Scene3d) -> bool {
-        let fresh = self.take_over(scene);
-        if !fresh && self.drawn == self.content.len {
+        self.is_stale |= self.content.receive();
+        self.fit_target(&scene.camera);
+        if !self.content.is_ready() {
             self.last_draw = None;
-            return true;
+            return false;
+        }
+        let fresh = self.take_over(scene);
+        if !fresh && self.content.is_whole() {
+            self.last_draw = None;
+            return self.content.is_final();
         }
         self.adapt_batch();
-        if self.content.uploaded < self.content.len.min(self.drawn + self.batch) {
-            self.content.upload_next(&self.device, &scene.style.appearance);
+        let begins = fresh || self.content.is_drawn();
+        let gpu = (&self.device, &self.queue);
+        if fresh {
+            self.content.begin(gpu, scene, self.batch);
+        } else {
+            if begins {
+                self.content.refine();
+            }
+            self.content.upload_next(gpu, &scene.style.appearance, self.batch);
         }
-        self.draw_next(fresh, scene);
-        self.drawn == self.content.len
+        self.draw_next(begins, scene);
+        self.content.is_whole() && self.content.is_final()
     }
 
     /// The texture drawn into (a new one when the scene's camera has another size); `None` before the first draw.
@@ -89,10 +108,10 @@ impl SceneView {
         self.target.as_ref().map(|target| &target.lit)
     }
 
-    /// Points or triangles drawn of the picture as it stands, and all that there are.
+    /// Points or triangles drawn of the picture in work, and all that there are.
     #[must_use]
     pub fn drawn(&self) -> (usize, usize) {
-        (self.drawn, self.content.len)
+        (self.content.drawn(), self.content.len())
     }
 
     /// What the ends of the ramp stand for that colours come from; `None` where they come from none.
@@ -101,53 +120,56 @@ impl SceneView {
         self.content.range()
     }
 
-    /// Takes over what changed; returns whether the picture starts anew.
-    fn take_over(&mut self, scene: &Scene3d) -> bool {
-        if self.scene.as_ref() == Some(scene) {
-            return self.drawn == 0 && self.content.uploaded == 0;
-        }
-        let recolored = self.scene.as_ref().is_none_or(|old| old.style.appearance != scene.style.appearance);
-        if recolored {
-            self.content.forget();
-        }
-        let size = (scene.camera.width.max(1), scene.camera.height.max(1));
+    fn fit_target(&mut self, camera: &ViewCamera) {
+        let size = (camera.width.max(1), camera.height.max(1));
         if self.target.as_ref().is_none_or(|target| target.size != size) {
             self.target = Some(Target::new(&self.device, &self.dome, size));
         }
-        self.drawn = 0;
-        self.scene = Some(scene.clone());
-        true
     }
 
-    /// Fewer points or triangles per call when calls are slow, more when they are quick.
+    /// Takes over what changed; returns whether the picture begins anew.
+    fn take_over(&mut self, scene: &Scene3d) -> bool {
+        if self.scene.as_ref() != Some(scene) {
+            let recolored = self.scene.as_ref().is_none_or(|old| old.style.appearance != scene.style.appearance);
+            if recolored {
+                self.content.forget();
+            }
+            self.scene = Some(scene.clone());
+            self.is_stale = true;
+        }
+        std::mem::take(&mut self.is_stale)
+    }
+
+    /// Fewer points or triangles per call when calls are slow, more when full ones are quick.
     fn adapt_batch(&mut self) {
         if let Some(last) = self.last_draw.replace(Instant::now()) {
             let took = last.elapsed();
             if took > FRAME_BUDGET * 3 / 2 {
                 self.batch = (self.batch / 2).max(50_000);
-            } else if took < FRAME_BUDGET / 2 {
+            } else if took < FRAME_BUDGET / 2 && self.last_count * 2 > self.batch {
                 self.batch = (self.batch * 3 / 2).min(4_000_000);
             }
         }
     }
 
-    fn draw_next(&mut self, fresh: bool, scene: &Scene3d) {
+    /// Draws a batch, over what was drawn before or, where a picture `begins`, over the background.
+    fn draw_next(&mut self, begins: bool, scene: &Scene3d) {
         let Some(target) = &self.target else { return };
-        self.queue.write_buffer(&self.pipelines.eye, 0, bytemuck::bytes_of(&eye_uniform(scene, self.content.spacing)));
+        self.queue.write_buffer(&self.pipelines.eye, 0, bytemuck::bytes_of(&eye_uniform(scene)));
         self.dome.set(&self.queue, self.content.edl_strength(scene.style.edl_strength), &scene.camera);
-        let lines = (fresh && !scene.lines.is_empty()).then(|| {
+        let lines = (begins && !scene.lines.is_empty()).then(|| {
             self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some("lines"),
                 contents: bytemuck::cast_slice(&scene.lines),
                 usage: wgpu::BufferUsages::VERTEX,
             })
         });
-        let planes = (fresh && !scene.planes.is_empty())
+        let planes = (begins && !scene.planes.is_empty())
             .then(|| self.pipelines.planes.place(&self.device, &self.queue, &scene.planes));
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("scene") });
-        let end = (self.drawn + self.batch).min(self.content.uploaded);
+        let before = if begins { 0 } else { self.content.drawn() };
         {
-            let mut pass = target.begin(&mut encoder, fresh.then_some(scene.style.background));
+            let mut pass = target.begin(&mut encoder, begins.then_some(scene.style.background));
             pass.set_bind_group(0, &self.pipelines.bindings, &[]);
             if let Some(lines) = &lines {
                 pass.set_pipeline(&self.pipelines.lines);
@@ -157,20 +179,23 @@ impl SceneView {
             if let Some(planes) = &planes {
                 self.pipelines.planes.draw(&mut pass, planes);
             }
-            self.drawn = self.content.draw(&mut pass, &self.pipelines, self.drawn..end);
+            self.content.draw(&mut pass, &self.pipelines, self.batch);
         }
-        target.light(&mut encoder, &self.dome);
+        self.last_count = self.content.drawn() - before;
+        if self.content.is_presentable() {
+            target.light(&mut encoder, &self.dome);
+        }
         self.queue.submit([encoder.finish()]);
     }
 }
 
-fn eye_uniform(scene: &Scene3d, spacing: f32) -> EyeUniform {
+fn eye_uniform(scene: &Scene3d) -> EyeUniform {
     let camera = &scene.camera;
     EyeUniform {
         clip_from_world: camera.clip_from_world().to_cols_array_2d(),
         cube_from_world: scene.style.clip.cube_from_world.to_cols_array_2d(),
-        view: [camera.width as f32, camera.height as f32, camera.px_per_unit(1.0), spacing * 0.75],
-        disc: [scene.style.point_px, scene.style.point_px.max(24.0), 0.0, 0.0],
+        view: [camera.width as f32, camera.height as f32, camera.px_per_unit(1.0), 0.0],
+        disc: [scene.style.point_px, scene.style.most_px(), 0.0, 0.0],
         place: camera.place().extend(AMBIENT).to_array(),
     }
 }

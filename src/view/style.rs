@@ -16,6 +16,13 @@ pub struct SceneStyle {
     pub edl_strength: f32,
 }
 
+impl SceneStyle {
+    /// Largest disc radius in pixels.
+    pub(super) fn most_px(&self) -> f32 {
+        self.point_px.max(24.0)
+    }
+}
+
 impl Default for SceneStyle {
     fn default() -> Self {
         Self {

@@ -32,6 +32,8 @@ pub(super) struct SurfaceChunks {
     /// Only sides are drawn.
     edges: bool,
     chunks: Vec<Chunk>,
+    /// Triangles of the picture that are drawn, up to the end of a chunk.
+    drawn: usize,
 }
 
 struct Chunk {
@@ -44,15 +46,34 @@ struct Chunk {
 
 impl SurfaceChunks {
     pub(super) fn new(triangles: usize, edges: bool) -> Self {
-        Self { triangles, order: SpreadOrder::new(triangles.div_ceil(CHUNK)), edges, chunks: Vec::new() }
+        Self { triangles, order: SpreadOrder::new(triangles.div_ceil(CHUNK)), edges, chunks: Vec::new(), drawn: 0 }
     }
 
-    pub(super) fn clear(&mut self) {
+    /// How many triangles there are.
+    pub(super) fn len(&self) -> usize {
+        self.triangles
+    }
+
+    /// How many triangles of the picture are drawn.
+    pub(super) fn drawn(&self) -> usize {
+        self.drawn
+    }
+
+    /// Colours are others now: all is to be uploaded anew.
+    pub(super) fn forget(&mut self) {
         self.chunks.clear();
     }
 
-    /// Uploads a few chunks more; gives the number of triangles uploaded so far.
-    pub(super) fn upload_next(&mut self, device: &wgpu::Device, mesh: &LabelledMesh, paint: &Paint) -> usize {
+    /// Begins a picture.
+    pub(super) fn begin(&mut self) {
+        self.drawn = 0;
+    }
+
+    /// Uploads a few chunks more if those for `most` more triangles are not there.
+    pub(super) fn upload_next(&mut self, device: &wgpu::Device, mesh: &LabelledMesh, paint: &Paint, most: usize) {
+        if self.uploaded() >= self.triangles.min(self.drawn + most) {
+            return;
+        }
         let first = self.chunks.len();
         let last = (first + AT_ONCE).min(self.triangles.div_ceil(CHUNK));
         let triangles = |place: usize| {
@@ -73,15 +94,15 @@ impl SurfaceChunks {
                 end,
             });
         }
-        self.uploaded()
     }
 
     fn uploaded(&self) -> usize {
         self.chunks.last().map_or(0, |chunk| chunk.end)
     }
 
-    /// Draws the chunks that begin in `part`; gives the end of the last of them.
-    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, pipelines: &Pipelines, part: Range<usize>) -> usize {
+    /// Draws the chunks among the next `most` triangles.
+    pub(super) fn draw(&mut self, pass: &mut wgpu::RenderPass<'_>, pipelines: &Pipelines, most: usize) {
+        let part = self.drawn..(self.drawn + most).min(self.uploaded());
         pass.set_pipeline(if self.edges { &pipelines.edges } else { &pipelines.surface });
         let mut begin = 0;
         for chunk in &self.chunks {
@@ -95,7 +116,7 @@ impl SurfaceChunks {
                 break;
             }
         }
-        begin
+        self.drawn = begin;
     }
 }
 

@@ -7,7 +7,7 @@ use ostra::app::Tool;
 use ostra::masks::LabelId;
 use ostra::session::{Command, PaintRequest, PromptRequest, TraceRequest};
 
-use crate::desk::{Desk, click_at, drag, on_screen, press};
+use crate::desk::{Desk, click_at, drag, drag_fast, on_screen, press};
 
 fn prompts(asked: &[Command]) -> Vec<&PromptRequest> {
     asked
@@ -93,6 +93,21 @@ fn brush_paints_the_way_of_the_pointer_and_the_right_button_erases() {
     assert!(points.len() >= 4 && points.iter().all(|p| (p.y - 10.0).abs() < 0.3), "{points:?}");
     assert!((points[0].x - 10.0).abs() < 0.3 && (points[points.len() - 1].x - 30.0).abs() < 0.3);
     assert!(asked[0].radius_px > 0.0);
+}
+
+#[test]
+fn the_brush_goes_the_whole_way_of_the_pointer_while_frames_are_slow() {
+    let mut harness = Desk::sample().shown();
+    harness.state_mut().shell.view.tool = Tool::Brush;
+    let corners = [[10.0, 10.0], [30.0, 10.0], [30.0, 30.0], [10.0, 30.0], [10.0, 20.0], [20.0, 20.0]];
+    let places = corners.map(|[x, y]| on_screen(&harness, x, y));
+    drag_fast(&mut harness, &places, PointerButton::Primary);
+    let asked = paints(&harness.state().asked);
+    let [paint] = &asked[..] else { panic!("one stroke: {}", asked.len()) };
+    assert_eq!(paint.points_px.len(), corners.len(), "{:?}", paint.points_px);
+    for (at, [x, y]) in paint.points_px.iter().zip(corners) {
+        assert!((at.x - f64::from(x)).abs() < 0.3 && (at.y - f64::from(y)).abs() < 0.3, "{:?}", paint.points_px);
+    }
 }
 
 #[test]

@@ -173,6 +173,23 @@ pub fn drag(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2, button: egui:
     harness.run_steps(2);
 }
 
+/// Drags along some places that the mouse tells of within one frame, as while frames are slow, and lets go within another.
+pub fn drag_fast(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui::PointerButton) {
+    let press = |pos, pressed| egui::Event::PointerButton { pos, button, pressed, modifiers: egui::Modifiers::NONE };
+    let moved = |places: &[Pos2]| places.iter().map(|&at| egui::Event::PointerMoved(at)).collect::<Vec<_>>();
+    let (first, last) = places.split_at(places.len() / 2);
+    let frames = [
+        moved(&first[..1]),
+        [vec![press(first[0], true)], moved(&first[1..])].concat(),
+        [moved(last), vec![press(last[last.len() - 1], false)]].concat(),
+    ];
+    for events in frames {
+        harness.input_mut().events.extend(events);
+        harness.step();
+    }
+    harness.run_steps(2);
+}
+
 /// Presses a key as a keyboard does.
 pub fn press(harness: &mut Harness<'_, Desk>, modifiers: egui::Modifiers, key: egui::Key) {
     harness.key_press_modifiers(modifiers, key);

@@ -122,8 +122,13 @@ fn the_ruler_reads_lines_and_angles_and_takes_clicks_back() {
     harness.run_steps(2);
     let reads = |harness: &Harness<'_, Desk>, text: &str| harness.query_all_by_label(text).next().is_some();
     assert!(reads(&harness, "0.7000 m"), "{:?}", crate::desk::labels(&harness));
+    harness.get_by_label("Ruler unit").click();
+    harness.run_steps(3);
+    harness.get_by_label("cm").click();
+    harness.run_steps(3);
+    assert!(reads(&harness, "70.00 cm"), "{:?}", crate::desk::labels(&harness));
     press(&mut harness, Modifiers::NONE, Key::Backspace);
-    assert!(reads(&harness, "0.3000 m"));
+    assert!(reads(&harness, "30.00 cm"));
     harness.get_by_label("Set scale");
     harness.get_by_label("Undo click").click();
     harness.run_steps(2);

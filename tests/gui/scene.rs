@@ -1,9 +1,9 @@
 //! The 3-D view: colours, light, sides, clip box, isolated labels.
 
-use egui::{Key, Modifiers};
+use egui::{Color32, Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, Pos2, Shape, TouchPhase, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
-use ostra::app::{ClipSides, Panes};
+use ostra::app::{Asked, ClipSides, Panes};
 use ostra::masks::LabelId;
 use ostra::view::Coloring;
 
@@ -113,4 +113,44 @@ fn who_looks_through_a_camera_follows_the_frames_until_the_view_is_moved() {
     press(&mut harness, Modifiers::NONE, Key::ArrowRight);
     harness.run_steps(2);
     assert_eq!(harness.state().shell.view.scene.through, None, "it stays where it was put by hand");
+}
+
+/// The lines of the cross at the point asked about, of this colour.
+fn cross(harness: &Harness<'static, Desk>, color: Color32) -> Vec<[Pos2; 2]> {
+    let line = |shape: &Shape| match shape {
+        Shape::LineSegment { points, stroke } if stroke.color == color => Some(*points),
+        _ => None,
+    };
+    harness.output().shapes.iter().filter_map(|clipped| line(&clipped.shape)).collect()
+}
+
+#[test]
+fn the_point_asked_about_is_marked_as_large_from_near_as_from_far() {
+    let mut harness = shown();
+    let cloud = harness.state().cloud.clone().unwrap();
+    harness.state_mut().shell.view.asked = Some(Asked::new(&cloud, None, cloud.len() / 2));
+    harness.run_steps(3);
+    let pane = harness.get_by_label("3-D view").rect();
+    let reach = |harness: &Harness<'static, Desk>| {
+        let arms = cross(harness, Color32::from_rgb(255, 235, 90));
+        assert_eq!(arms.len(), 4);
+        assert!(cross(harness, Color32::BLACK).len() >= 4, "with a dark outline");
+        arms.iter().flatten().fold(egui::Rect::NOTHING, |all, &at| all.union(egui::Rect::from_pos(at)))
+    };
+    let near = reach(&harness);
+    assert!(near.width() >= 20.0 && near.height() >= 20.0 && pane.contains(near.center()), "{near}");
+    for _ in 0..5 {
+        harness.hover_at(pane.center());
+        harness.event(Event::MouseWheel {
+            unit: MouseWheelUnit::Point,
+            delta: Vec2::new(0.0, -200.0),
+            phase: TouchPhase::Move,
+            source: MouseWheelSource::Wheel,
+            modifiers: Modifiers::NONE,
+        });
+        harness.run_steps(10);
+    }
+    let far = reach(&harness);
+    assert_ne!(near.center(), far.center(), "the view was moved away");
+    assert!((near.size() - far.size()).length() < 0.1, "{near} and {far}");
 }

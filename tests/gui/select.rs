@@ -9,9 +9,9 @@ use ostra::app::SelectShape;
 use ostra::masks::LabelId;
 use ostra::scene::fuse::Votes;
 use ostra::scene::select::{Eye, SeenRegion, SelectStep, Selection, Selector};
-use ostra::session::{CloudChange, CloudCorrection, Command};
+use ostra::session::{CloudChange, CloudCorrection, Command, ResultKind};
 
-use crate::desk::{Desk, drag, press};
+use crate::desk::{Desk, drag, drag_fast, press};
 
 fn desk() -> Harness<'static, Desk> {
     Desk { votes: Some(Arc::new(Votes::default())), ..Desk::sample() }.shown()
@@ -81,9 +81,39 @@ fn a_lasso_through_the_pane_asks_for_the_correction() {
     harness.run_steps(2);
     harness.get_by_label("Assign to pot").click();
     harness.run_steps(2);
-    let correction = CloudCorrection { select, change: CloudChange::Assign(LabelId(3)), as_anchors: false };
+    let correction = CloudCorrection { select, change: CloudChange::Assign(LabelId(3)), as_anchors: true };
     assert_eq!(harness.state().asked, [Command::CorrectCloud(correction)]);
     assert!(steps(&harness).is_empty(), "what was corrected is chosen no more");
+}
+
+#[test]
+fn a_lasso_keeps_its_shape_while_frames_are_slow() {
+    let mut harness = desk();
+    press(&mut harness, Modifiers::SHIFT, Key::S);
+    let at = middle(&harness);
+    for shape in [SelectShape::Lasso, SelectShape::Brush] {
+        harness.state_mut().shell.view.scene_select.shape = shape;
+        let around: Vec<Pos2> =
+            (0..24).map(|k| at + 60.0 * egui::Vec2::angled(std::f32::consts::TAU * k as f32 / 24.0)).collect();
+        drag_fast(&mut harness, &around, PointerButton::Primary);
+        let drawn = steps(&harness);
+        let [SelectStep::Seen(SeenRegion { points_px, .. })] = &drawn[..] else { panic!("{shape:?}: {drawn:?}") };
+        assert_eq!(points_px.len(), around.len(), "{shape:?}: a corner for each place");
+    }
+}
+
+#[test]
+fn nothing_is_looked_for_once_the_cloud_is_gone() {
+    let mut harness = desk();
+    press(&mut harness, Modifiers::SHIFT, Key::S);
+    let at = middle(&harness);
+    draw(&mut harness, &around(at, 40.0), Modifiers::NONE);
+    harness.get_by_label("Looking for the points…");
+    harness.state_mut().cloud = None;
+    harness.state_mut().project.results.remove(&ResultKind::Cloud);
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Looking for the points…").is_none());
+    harness.get_by_label_contains("There is no cloud");
 }
 
 #[test]
@@ -130,7 +160,7 @@ fn a_choice_grows_and_is_split_and_cleared() {
     find(&mut harness);
     press(&mut harness, Modifiers::SHIFT, Key::Backspace);
     let asked = &harness.state().asked;
-    let [Command::CorrectCloud(CloudCorrection { select, change: CloudChange::Clear, as_anchors: true })] = &asked[..]
+    let [Command::CorrectCloud(CloudCorrection { select, change: CloudChange::Clear, as_anchors: false })] = &asked[..]
     else {
         panic!("{asked:?}")
     };

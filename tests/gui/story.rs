@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::Vec3;
-use ostra::app::{Prefs, Shell, Window};
+use ostra::app::{Dialog, Prefs, Shell, Window};
 use ostra::engine::job::Progress;
 use ostra::frames::{FrameFolder, OpenRequest};
 use ostra::masks::LabelId;
@@ -81,8 +81,33 @@ fn a_click_makes_an_anchor_and_undo_takes_it_back() {
     let area = project.masks[&0].runs.decode().ids.iter().filter(|&&id| id == LabelId(1)).count();
     assert!((600..1300).contains(&area), "the square has 900 pixels: {area}");
     assert_eq!(project.labels.get(LabelId(1)).unwrap().name, "object 1");
+    let title = inner(&mut harness).session().undo_title().unwrap().to_owned();
+    let note = |harness: &mut Shown| inner(harness).shell().view.note.clone();
     harness.get_by_label("Undo").click();
     until(&mut harness, "frame 0 has no mask", |harness| harness.query_by_label("Frame 0, no mask").is_some());
+    assert_eq!(note(&mut harness), format!("{title}: undone"), "the line of the status tells no more that it is done");
+    inner(&mut harness).act(Command::Redo);
+    assert_eq!(note(&mut harness), format!("{title}: done again"));
+}
+
+#[test]
+fn another_take_gives_the_file_another_ending() {
+    let mut harness = window();
+    inner(&mut harness).shell().view.dialog = Some(Dialog::Picture);
+    harness.run_steps(4);
+    harness.get_by_label("Picture file").focus();
+    harness.run_steps(2);
+    harness.event(egui::Event::Text("/out/plant.PNG".into()));
+    harness.run_steps(2);
+    for (take, field, path) in [
+        ("Turntable film", "Film file", "/out/plant.mp4"),
+        ("Picture", "Picture file", "/out/plant.png"),
+        ("Turntable film", "Film file", "/out/plant.mp4"),
+    ] {
+        harness.get_by_label(take).click();
+        harness.run_steps(3);
+        assert_eq!(harness.get_by_label(field).value().as_deref(), Some(path), "{take}");
+    }
 }
 
 #[test]

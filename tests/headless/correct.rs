@@ -1,11 +1,15 @@
 //! Labels corrected in 3-D and written back into the masks, on a real recording and as a recipe.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use glam::DVec2;
 use ostra::masks::{LabelId, LabelMask, Region, RunMask, encode_palette_png, read_palette_png};
+use ostra::scene::instances::InstanceOptions;
 use ostra::scene::select::{Eye, Likeness, SeenRegion, SelectStep};
-use ostra::session::{CloudChange, CloudCorrection, Command, FuseRequest, MaskOrigin, Session};
+use ostra::session::{
+    CloudChange, CloudCorrection, Command, FuseRequest, InstancesRequest, MaskOrigin, ResultKind, Session, Surface,
+};
 
 use super::command_line::{Recording, contents, done, refused};
 use super::session::{new_project, perform};
@@ -206,6 +210,66 @@ fn points_that_were_corrected_have_their_label_when_fused_again() {
         assert_eq!(session.project().unwrap(), &before);
         assert!(shown_bytes(&mut session) == bytes);
     }
+}
+
+/// The labels that the mesh in force carries.
+fn surface_labels(session: &mut Session) -> BTreeSet<LabelId> {
+    assert!(session.mesh().is_some() || session.surface_voxel().is_some(), "the surface is gone");
+    session.settle(|_| std::ops::ControlFlow::Continue(()));
+    let mesh = session.mesh().expect("a mesh");
+    assert!(!mesh.triangles.is_empty());
+    mesh.vertices.labels.iter().copied().collect()
+}
+
+/// All points of the thing get another label.
+fn thing_to(label: LabelId) -> CloudCorrection {
+    let select = vec![SelectStep::Label(LabelId(1))];
+    CloudCorrection { select, change: CloudChange::Assign(label), as_anchors: false }
+}
+
+#[test]
+fn mesh_and_voxels_of_labelled_points_alone_stay_when_labels_change() {
+    let recording = Recording::new();
+    let project = labelled(&recording);
+    done(&["fuse", &project, "--voxel", "0.01", "--drop-unlabelled"]);
+    let mut session = Session::new();
+    perform(&mut session, Command::Open((&project).into())).unwrap();
+    assert_eq!(surface_labels(&mut session), BTreeSet::from([LabelId(1)]));
+    let options = InstanceOptions { min_points: 4, ..InstanceOptions::default() };
+    let instances = Command::Instances(InstancesRequest { label: LabelId(1), options });
+    let merge = Command::MergeLabels { label: LabelId(1), into: LabelId(2) };
+    for (command, after) in [(Command::CorrectCloud(thing_to(LabelId(2))), 2), (merge, 2), (instances, 3)] {
+        let title = format!("{command:?}");
+        perform(&mut session, command).unwrap();
+        assert_eq!(session.surface_voxel(), Some(0.01), "{title}");
+        assert!(surface_labels(&mut session).contains(&LabelId(after)), "{title}");
+        assert!(session.surface(Surface::Voxels).is_none(), "made when first asked for");
+        session.settle(|_| std::ops::ControlFlow::Continue(()));
+        let voxels = session.surface(Surface::Voxels).expect("voxels");
+        assert!(voxels.vertices.labels.contains(&LabelId(after)), "{title}");
+        assert!(!session.project().unwrap().results[&ResultKind::Cloud].stale, "{title}");
+        perform(&mut session, Command::Undo).unwrap();
+        assert_eq!(surface_labels(&mut session), BTreeSet::from([LabelId(1)]), "{title}");
+    }
+}
+
+#[test]
+fn a_mesh_whose_voters_are_not_known_stays_and_is_stale() {
+    let recording = Recording::new();
+    let project = labelled(&recording);
+    for entry in std::fs::read_dir(Path::new(&project).join("versions")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.to_string_lossy().contains("surface-votes") {
+            std::fs::remove_file(path).unwrap();
+        }
+    }
+    let mut session = Session::new();
+    perform(&mut session, Command::Open((&project).into())).unwrap();
+    let before = surface_labels(&mut session);
+    perform(&mut session, Command::CorrectCloud(thing_to(LabelId(2)))).unwrap();
+    assert_eq!(surface_labels(&mut session), before);
+    assert!(session.cloud().unwrap().labels.contains(&LabelId(2)));
+    assert!(session.project().unwrap().results[&ResultKind::Cloud].stale);
 }
 
 #[test]

@@ -4,6 +4,7 @@ use glam::DVec2;
 use super::draft::{Stroke, Tool};
 use super::map::CanvasMap;
 use super::prompts::{box_of, chosen_label, click_at, fill_polygon, paint, trace_thin};
+use crate::app::trail::trail;
 use crate::app::{Look, ViewState};
 use crate::session::Command;
 
@@ -92,20 +93,24 @@ fn brush_tool(
 ) {
     let (primary, secondary, ctrl) =
         ui.input(|i| (i.pointer.primary_down(), i.pointer.secondary_down(), i.modifiers.command));
-    if response.is_pointer_button_down_on() && (primary || secondary) {
-        let Some(at) = position(response, map) else { return };
-        if view.draft.stroke.is_none() {
-            let erase = view.tool == Tool::Eraser || secondary || ctrl;
-            let Some(label) = chosen_label(look, view, out) else { return };
-            let (radius_px, snap) = (view.prefs.brush_px, view.prefs.snap);
-            view.draft.stroke = Some(Stroke { frame: view.frame, label, erase, points_px: vec![at], radius_px, snap });
+    let held = response.is_pointer_button_down_on() && (primary || secondary);
+    let places = trail(ui, &[PointerButton::Primary, PointerButton::Secondary]);
+    if held && view.draft.stroke.is_none() {
+        let erase = view.tool == Tool::Eraser || secondary || ctrl;
+        let Some(label) = chosen_label(look, view, out) else { return };
+        let (radius_px, snap) = (view.prefs.brush_px, view.prefs.snap);
+        let begin = places.first().map(|&at| map.to_px(at)).or_else(|| position(response, map));
+        let points_px = Vec::from_iter(begin);
+        view.draft.stroke = Some(Stroke { frame: view.frame, label, erase, points_px, radius_px, snap });
+    }
+    if let Some(stroke) = &mut view.draft.stroke {
+        for at in places.into_iter().map(|at| map.to_px(at)) {
+            if stroke.points_px.last().is_none_or(|last| last.distance(at) >= 0.5) {
+                stroke.points_px.push(at);
+            }
         }
-        if let Some(stroke) = &mut view.draft.stroke
-            && stroke.points_px.last().is_none_or(|last| last.distance(at) >= 0.5)
-        {
-            stroke.points_px.push(at);
-        }
-    } else if let Some(stroke) = view.draft.stroke.take() {
+    }
+    if !held && let Some(stroke) = view.draft.stroke.take() {
         paint(look, view, stroke, out);
     }
 }

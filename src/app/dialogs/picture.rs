@@ -57,6 +57,19 @@ impl PictureForm {
     /// The largest side, pixels.
     const MOST: u32 = 8192;
 
+    /// Gives a name with the ending of a film that of a picture, and the other way round, as is written now.
+    fn follow_take(&mut self) {
+        let path = Path::new(self.path.trim_end());
+        let Some(ending) = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()) else { return };
+        let other = match self.is_film {
+            true => (ending == "png").then_some("mp4"),
+            false => ["mp4", "mkv", "webm"].contains(&ending.as_str()).then_some("png"),
+        };
+        if let Some(other) = other {
+            self.path = path.with_extension(other).to_string_lossy().into_owned();
+        }
+    }
+
     /// What is asked for; a name without an ending gets one. `None` without a name, or where a picture's is not that of a PNG.
     fn wish(&self) -> Option<PictureWish> {
         let mut path = typed_path(&self.path)?;
@@ -81,9 +94,12 @@ pub(in crate::app) fn picture_ui(ui: &Ui, view: &mut ViewState) {
         let form = &mut view.picture;
         ui.horizontal(|ui| {
             let tip = "A PNG of what the view shows, without cameras, lines and signs";
-            ui.radio_value(&mut form.is_film, false, "Picture").on_hover_text(tip);
-            ui.radio_value(&mut form.is_film, true, "Turntable film")
-                .on_hover_text("A film of one turn about the vertical, made with ffmpeg");
+            let still = ui.radio_value(&mut form.is_film, false, "Picture").on_hover_text(tip);
+            let film = ui.radio_value(&mut form.is_film, true, "Turntable film");
+            let film = film.on_hover_text("A film of one turn about the vertical, made with ffmpeg");
+            if still.union(film).changed() {
+                form.follow_take();
+            }
         });
         ui.horizontal(|ui| {
             size_ui(ui, &mut form.size.0, "Width");

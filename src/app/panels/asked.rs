@@ -1,15 +1,18 @@
 use std::sync::Arc;
 
-use egui::{Color32, Rect, Sense, Ui, Vec2};
+use egui::{Color32, Rect, Sense, Stroke, Ui, Vec2};
 use glam::{DVec2, Vec3};
 
 use crate::app::{Look, ViewState};
 use crate::masks::{LabelId, LabelTree};
 use crate::scene::LabelledCloud;
 use crate::scene::fuse::{Voter, Votes};
-use crate::view::Line;
+use crate::view::ViewCamera;
 
-const COLOR: [u8; 4] = [255, 235, 90, 255];
+const COLOR: Color32 = Color32::from_rgb(255, 235, 90);
+/// Length of an arm of the cross in the 3-D view, in points of the screen, and the gap around the point itself.
+const ARM: f32 = 14.0;
+const GAP: f32 = 4.0;
 /// Pixels between a place in a picture and a point that is seen there.
 const NEAR_PX: f64 = 3.0;
 
@@ -57,24 +60,31 @@ impl Asked {
     pub fn is_of(&self, cloud: Option<&Arc<LabelledCloud>>) -> bool {
         cloud.is_some_and(|cloud| Arc::ptr_eq(cloud, &self.cloud))
     }
-
-    /// A cross of `size` world units at the point.
-    #[must_use]
-    pub fn lines(&self, size: f32) -> Vec<Line> {
-        let at = self.place();
-        let line = |end: Vec3| [at - end, at + end].map(|end| Line { position: end.to_array(), color: COLOR });
-        [Vec3::X, Vec3::Y, Vec3::Z].into_iter().flat_map(|axis| line(size * axis)).collect()
-    }
 }
 
 fn middle(x: u32, y: u32) -> DVec2 {
     DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)
 }
 
-/// What is known of the point asked about, in the corner of the 3-D view: its label, who voted what, and the way there.
-pub(super) fn asked_ui(ui: &Ui, rect: Rect, look: &Look<'_>, view: &mut ViewState) {
+/// A cross around the point asked about in the view that a camera gives, as large from near as from far, and seen before
+/// anything light or dark.
+fn mark(ui: &Ui, rect: Rect, camera: &ViewCamera, asked: &Asked) {
+    let Some((at, _)) = camera.project(asked.place()) else { return };
+    let at = rect.min + Vec2::new(at.x, at.y) / ui.pixels_per_point();
+    let painter = ui.painter().with_clip_rect(rect);
+    for stroke in [Stroke::new(5.0, Color32::BLACK), Stroke::new(2.0, COLOR)] {
+        for arm in [Vec2::X, Vec2::Y, -Vec2::X, -Vec2::Y] {
+            painter.line_segment([at + GAP * arm, at + (GAP + ARM) * arm], stroke);
+        }
+    }
+}
+
+/// A cross at the point asked about, and what is known of it in the corner of the 3-D view: its label, who voted what, and
+/// the way there.
+pub(super) fn asked_ui(ui: &Ui, rect: Rect, camera: &ViewCamera, look: &Look<'_>, view: &mut ViewState) {
     view.asked = view.asked.take().filter(|asked| asked.is_of(look.cloud));
     let Some(asked) = view.asked.clone() else { return };
+    mark(ui, rect, camera, &asked);
     let (mut open, mut to) = (true, None);
     let window = egui::Window::new("Point").open(&mut open).resizable(false).default_width(230.0);
     window.default_pos(rect.left_top() + Vec2::splat(10.0)).constrain_to(rect).show(ui.ctx(), |ui| {

@@ -5,6 +5,7 @@ use super::scene_select::{SceneSelect, SelectShape, has_chosen};
 use crate::app::tips::action_button;
 use crate::app::{Action, Look, ViewState};
 use crate::scene::select::{SelectStep, Selection};
+use crate::session::ResultKind;
 use crate::view::ViewCamera;
 
 const COLOR: Color32 = Color32::from_rgb(255, 80, 205);
@@ -92,9 +93,15 @@ fn shape_ui(ui: &mut Ui, select: &mut SceneSelect) {
     }
 }
 
+/// Whether there is a cloud, be it that it is still to be loaded.
+fn has_cloud(look: &Look<'_>) -> bool {
+    look.cloud.is_some() || look.project.results.contains_key(&ResultKind::Cloud)
+}
+
 /// How many points are chosen, and the way back.
 fn count_ui(ui: &mut Ui, look: &Look<'_>, select: &mut SceneSelect) {
     let text = match look.chosen.filter(|_| !select.steps.is_empty()) {
+        None if !has_cloud(look) => "There is no cloud to choose from; fuse first".to_owned(),
         None if select.steps.is_empty() => "Draw over points that are seen".to_owned(),
         None => "Looking for the points…".to_owned(),
         Some(Err(why)) => why.to_owned(),

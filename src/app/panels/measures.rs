@@ -105,7 +105,7 @@ fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, tree: &LabelT
         ui.add_space(8.0);
         ground_ui(ui, &mut view.measures.wish.ground, tree);
         ui.add_space(8.0);
-        unit_ui(ui, &mut view.measures.unit, look.unit);
+        unit_ui(ui, "Unit", &mut view.measures.unit, look.unit);
         ui.add_space(8.0);
         let button = ui.add_enabled(look.traits.is_some(), Button::new("Export CSV…"));
         if button.on_hover_text("Writes these measures, those of every piece too").clicked() {
@@ -134,7 +134,8 @@ fn ground_ui(ui: &mut Ui, ground: &mut GroundChoice, tree: &LabelTree) {
     choice.response.on_hover_text(tip).accessible_name("Ground");
 }
 
-fn unit_ui(ui: &mut Ui, chosen: &mut Option<LengthUnit>, of_scene: LengthUnit) {
+/// The unit that lengths are told in; `None` = the scene's own.
+pub(super) fn unit_ui(ui: &mut Ui, name: &str, chosen: &mut Option<LengthUnit>, of_scene: LengthUnit) {
     let mut unit = chosen.unwrap_or(of_scene);
     let choice = ComboBox::from_id_salt("unit").selected_text(unit.sign()).width(60.0).show_ui(ui, |ui| {
         for other in LengthUnit::METRIC.into_iter().chain([LengthUnit::World]) {
@@ -142,7 +143,7 @@ fn unit_ui(ui: &mut Ui, chosen: &mut Option<LengthUnit>, of_scene: LengthUnit) {
         }
     });
     let tip = "The unit of lengths; 'units' are those of a scene whose scale nobody told";
-    choice.response.on_hover_text(tip).accessible_name("Unit");
+    choice.response.on_hover_text(tip).accessible_name(name);
     *chosen = (unit != of_scene).then_some(unit);
 }
 

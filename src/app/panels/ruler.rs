@@ -1,6 +1,7 @@
 use egui::{DragValue, Key, Ui};
 use glam::Vec3;
 
+use super::measures::unit_ui;
 use crate::app::tips::action_button;
 use crate::app::{Action, Look, ViewState};
 use crate::scene::measure::{Dimension, LengthUnit};
@@ -98,6 +99,9 @@ pub(super) fn ruler_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishe
         return;
     }
     kind_ui(ui, &mut view.ruler);
+    if view.ruler.kind == RulerKind::Length {
+        unit_ui(ui, "Ruler unit", &mut view.measures.unit, look.unit);
+    }
     match view.ruler.value() {
         Some((value, dimension)) => {
             let unit = view.measures.unit.unwrap_or(look.unit);

@@ -113,11 +113,11 @@ impl ScenePane {
         if let Some(wish) = view.picture_wish.take() {
             let portrait = model(look, view).map(|model| {
                 let (style, rows) = (self.style(ui, look, view), camera.height);
-                Portrait { model, orbit, style, rows }
+                Portrait::new(model, orbit, style, rows)
             });
             view.portrait = portrait.map(|portrait| (wish, portrait));
         }
-        asked_ui(ui, rect, look, view);
+        asked_ui(ui, rect, &camera, look, view);
         chosen_ui(ui, rect, &camera, look, view, wishes);
     }
 
@@ -315,7 +315,6 @@ impl ScenePane {
             lines.extend(link_lines(&look.project.frames, &sparse.links));
         }
         lines.extend(view.ruler.lines(self.framed.radius * 0.012));
-        lines.extend(view.asked.iter().flat_map(|asked| asked.lines(self.framed.radius * 0.012)));
         let camera = orbit.camera(size.x.min(most) as u32, size.y.min(most) as u32);
         if !canvas.draw(ui, rect, model(look, view), &Scene3d { camera, style, lines, planes }) {
             ui.ctx().request_repaint();

@@ -1,6 +1,7 @@
 use egui::{PointerButton, Pos2, Rect, Response, Ui};
 use glam::DVec2;
 
+use crate::app::trail::trail;
 use crate::app::{Look, ViewState};
 use crate::masks::LabelId;
 use crate::scene::select::{Likeness, SeenRegion, SelectStep};
@@ -48,7 +49,7 @@ impl Default for SceneSelect {
             brush: 14.0,
             likeness: Likeness::default(),
             piece: 1,
-            as_anchors: true,
+            as_anchors: false,
             steps: Vec::new(),
             drawn: Vec::new(),
         }
@@ -88,31 +89,46 @@ impl SceneSelect {
     }
 }
 
+/// Who moves the pointer no farther than this, in points of the screen, clicks and draws nothing.
+const CLICK: f32 = 6.0;
+
 /// Draws with the primary button; letting go chooses: with Shift what is seen there too, with Ctrl or Alt no longer, else
 /// only that.
 pub(super) fn choose_by_hand(ui: &Ui, response: &Response, view: &mut ViewState, camera: &ViewCamera, clip: &Clip) {
+    if !follow(ui, response, &mut view.scene_select.drawn) {
+        return;
+    }
+    let (scale, modifiers) = (ui.pixels_per_point(), ui.input(|input| input.modifiers));
+    let remove = modifiers.alt || modifiers.command || modifiers.ctrl;
+    let region = region(view, response.rect, scale, (camera, clip), remove);
     let select = &mut view.scene_select;
-    if response.drag_started_by(PointerButton::Primary) {
-        select.drawn = ui.input(|input| input.pointer.press_origin()).into_iter().collect();
+    if !remove && !modifiers.shift {
+        select.steps.clear();
     }
-    if response.dragged_by(PointerButton::Primary)
-        && let Some(at) = response.interact_pointer_pos()
-        && select.drawn.last().is_some_and(|last| last.distance(at) > 1.0)
-    {
-        select.drawn.push(at);
+    select.steps.push(SelectStep::Seen(region));
+    select.drawn.clear();
+    select.piece = 1;
+}
+
+/// Adds to a line where the pointer went with the primary button down; whether the line has come to its end. By hand, as a
+/// response tells of a drag only in the frame after the button went down.
+fn follow(ui: &Ui, response: &Response, drawn: &mut Vec<Pos2>) -> bool {
+    let (down, pressed) = ui.input(|input| (input.pointer.primary_down(), input.pointer.primary_pressed()));
+    let held = down && response.is_pointer_button_down_on();
+    let mut places = trail(ui, &[PointerButton::Primary]).into_iter();
+    if held && pressed {
+        *drawn = places.next().into_iter().collect();
     }
-    if response.drag_stopped_by(PointerButton::Primary) && !select.drawn.is_empty() {
-        let (scale, modifiers) = (ui.pixels_per_point(), ui.input(|input| input.modifiers));
-        let remove = modifiers.alt || modifiers.command || modifiers.ctrl;
-        let region = region(view, response.rect, scale, (camera, clip), remove);
-        let select = &mut view.scene_select;
-        if !remove && !modifiers.shift {
-            select.steps.clear();
+    for at in places {
+        if drawn.last().is_some_and(|last| last.distance(at) > 1.0) {
+            drawn.push(at);
         }
-        select.steps.push(SelectStep::Seen(region));
-        select.drawn.clear();
-        select.piece = 1;
     }
+    let is_click = drawn.iter().all(|at| at.distance(drawn[0]) <= CLICK);
+    if !held && is_click {
+        drawn.clear();
+    }
+    !held && !is_click
 }
 
 fn region(view: &ViewState, rect: Rect, scale: f32, (camera, clip): (&ViewCamera, &Clip), remove: bool) -> SeenRegion {

@@ -24,10 +24,20 @@ mod views;
 mod vote;
 mod witnesses;
 
+pub(super) use choose::fillers_for;
+pub(super) use complete::Completion;
 pub use options::CarryOptions;
+pub(super) use pixel_box::PixelBox;
+pub(super) use refine::{belonging, passing};
 pub(super) use testimony::Testimony;
+pub(super) use tolerance::Tolerance;
 pub use tracker::GeometryTracker;
+#[cfg(test)]
+pub(super) use viewpoint::Stand;
+pub(super) use viewpoint::Viewpoint;
 pub(super) use views::Views;
+#[cfg(test)]
+pub(super) use views::rays_of;
 pub(super) use witnesses::Witnesses;
 
 #[cfg(test)]

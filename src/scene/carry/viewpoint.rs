@@ -37,6 +37,13 @@ impl Viewpoint {
         (depth > 0.0 && point.is_finite()).then_some(point)
     }
 
+    /// From camera space to world space.
+    pub fn to_world(&self) -> impl Fn(Vec3) -> Vec3 + Sync {
+        let pose = self.stand.camera_from_world.inverse();
+        let (rotation, translation) = (Mat3::from_quat(pose.rotation.as_quat()), pose.translation.as_vec3());
+        move |point| rotation * point + translation
+    }
+
     /// The median of the known depths of a thinned grid; `None` without depth.
     pub fn median_depth(&self) -> Option<f32> {
         let mut known: Vec<f32> = self.depth.depths.iter().step_by(61).copied().filter(|&d| d > 0.0).collect();

@@ -70,7 +70,8 @@ impl<'a> Views<'a> {
     }
 }
 
-fn rays_of(camera: &Camera) -> Vec<Vec2> {
+/// The point on the plane z = 1 that each pixel of a camera sees, row by row.
+pub fn rays_of(camera: &Camera) -> Vec<Vec2> {
     let width = camera.width as usize;
     let mut rays = vec![Vec2::ZERO; width * camera.height as usize];
     for (row, of_row) in rays.chunks_exact_mut(width.max(1)).enumerate() {

@@ -4,6 +4,7 @@ use rustc_hash::FxHashMap;
 
 use super::lift::{Lift, LiftCount};
 use crate::engine::job::{Progress, Stopped};
+use crate::scene::morton;
 
 /// Parts of the grid that are filled side by side.
 const SHARDS: usize = 32;
@@ -149,7 +150,7 @@ impl Grid {
         for shard in self.shards {
             kept.extend(shard.into_iter().filter(|(_, voxel)| voxel.views >= min_views));
         }
-        kept.par_sort_unstable_by_key(|&(key, _)| morton(key));
+        kept.par_sort_unstable_by_key(|&(key, _)| morton([key >> 42, key >> 21, key]));
         let position = |&(key, sum): &(u64, Voxel)| {
             // Fractions were cut off to whole steps, on average by half a step.
             let mean = |sum_of: u32| (f64::from(sum_of) / f64::from(sum.samples) + 0.5) / f64::from(FRACTION);
@@ -197,22 +198,4 @@ impl Voxel {
 fn cell_index(key: u64) -> DVec3 {
     let axis = |shift: u32| f64::from((key >> shift & 0x1F_FFFF) as i32 - REACH);
     DVec3::new(axis(42), axis(21), axis(0))
-}
-
-/// The key's three numbers with their bits interleaved.
-fn morton(key: u64) -> u64 {
-    let spread = |value: u64| {
-        let mut bits = value & 0x1F_FFFF;
-        for (shift, mask) in [
-            (32, 0x001F_0000_0000_FFFF),
-            (16, 0x001F_0000_FF00_00FF),
-            (8, 0x100F_00F0_0F00_F00F),
-            (4, 0x10C3_0C30_C30C_30C3),
-            (2, 0x1249_2492_4924_9249),
-        ] {
-            bits = (bits | bits << shift) & mask;
-        }
-        bits
-    };
-    spread(key >> 42) << 2 | spread(key >> 21) << 1 | spread(key)
 }

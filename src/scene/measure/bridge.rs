@@ -23,10 +23,10 @@ impl End {
 }
 
 /// Joins rods that continue one another across a gap, as the pieces of a culm do that its sheaths hide. A gap may be
-/// `longest` times as long as both pieces together. Other bodies stay as they are; order is kept, a joined rod stands
-/// where its first piece stood.
+/// `longest` times as long as both pieces together. Short rods that taper off, as grains in a row do, are whole. Other
+/// bodies stay as they are; order is kept, a joined rod stands where its first piece stood.
 pub(super) fn join_rods(mut bodies: Vec<Body>, longest: f64) -> Vec<Body> {
-    while let Some((a, b)) = best_pair(&ends(&bodies), longest) {
+    while let Some((a, b)) = best_pair(&bodies, longest) {
         let (first, second) = (a.rod.min(b.rod), a.rod.max(b.rod));
         let other = bodies.remove(second);
         let own = &mut bodies[first];
@@ -58,10 +58,35 @@ fn ends(bodies: &[Body]) -> Vec<End> {
 }
 
 /// The fitting pair of ends with the shortest gap.
-fn best_pair(ends: &[End], longest: f64) -> Option<(End, End)> {
+fn best_pair(bodies: &[Body], longest: f64) -> Option<(End, End)> {
+    let ends = ends(bodies);
     let pairs = ends.iter().enumerate().flat_map(|(k, a)| ends[k + 1..].iter().map(move |b| (*a, *b)));
     let fitting = pairs.filter(|(a, b)| a.rod != b.rod && continues(a, b, longest));
-    fitting.min_by(|(a, b), (c, d)| a.x.distance(b.x).total_cmp(&c.x.distance(d.x)))
+    // A long piece says by itself where it goes on; two short ones may be things of their own, such as grains.
+    let is_sure = |end: &End| !end.is_short();
+    let cut_off = |end: &End| is_cut_off(&bodies[end.rod], end);
+    let parts = fitting.filter(|(a, b)| is_sure(a) || is_sure(b) || (cut_off(a) && cut_off(b)));
+    parts.min_by(|(a, b), (c, d)| a.x.distance(b.x).total_cmp(&c.x.distance(d.x)))
+}
+
+/// A rod is cut off where it keeps this share of its breadth to the end. A spheroid keeps about half, a tube all.
+const KEPT: f64 = 0.75;
+/// Fewer points at an end do not tell its breadth.
+const LEAST_POINTS: usize = 8;
+
+/// Whether a rod keeps its breadth to an end, as it does where something hides the rest: the points of the last third of
+/// a diameter lie about as far from the middle line as those of the next diameters. So does one with too few points.
+fn is_cut_off(body: &Body, end: &End) -> bool {
+    let Some(curve) = &body.curve else { return false };
+    let breadth = |depths: std::ops::Range<f64>| {
+        let in_slab = |x: &&DVec3| depths.contains(&((end.x - **x).dot(end.outward) / end.diameter));
+        let near = body.points.iter().filter(|x| x.distance(end.x) < 2.5 * end.diameter).filter(in_slab);
+        let mut distances: Vec<f64> = near.map(|&x| curve.nearest(x).distance).collect();
+        distances.sort_by(f64::total_cmp);
+        (distances.len() >= LEAST_POINTS).then(|| distances[distances.len() / 2])
+    };
+    let (last, next) = (breadth(f64::NEG_INFINITY..1.0 / 3.0), breadth(1.0 / 3.0..2.0));
+    last.zip(next).is_none_or(|(last, next)| last >= KEPT * next)
 }
 
 fn continues(a: &End, b: &End, longest: f64) -> bool {

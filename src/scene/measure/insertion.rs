@@ -1,7 +1,9 @@
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
+use super::axis::Axis;
 use super::body::{Body, Shape};
 use super::medial::MedialCurve;
+use super::section::parabola;
 use crate::masks::LabelId;
 
 /// How far from a rod's middle line a ribbon has left it, in the rod's radii.
@@ -9,9 +11,9 @@ const LEFT: f64 = 2.2;
 /// A ribbon belongs to a rod when it comes this near its middle line, in the rod's radii.
 const TOUCHES: f64 = 4.0;
 
-/// Angle in degrees between a ribbon and the rod that it grows from: between the rod's middle line where the ribbon
-/// leaves it and the chord of the ribbon's next `reach`, the smaller of the two (0–90), and which rod that is. `None` when
-/// the body is no ribbon, none of the rods is near, or it ends sooner.
+/// Angle in degrees between a ribbon and the rod that it grows from: between the rod's axis where the ribbon leaves it
+/// and the chord of the first `reach` of the ribbon's midrib, the smaller of the two (0–90), and which rod that is. `None`
+/// when the body is no ribbon, none of the rods is near, or it ends sooner.
 pub(super) fn insertion_angle<'a>(
     ribbon: &Body,
     rods: impl Iterator<Item = (LabelId, &'a Body)>,
@@ -28,16 +30,49 @@ pub(super) fn insertion_angle<'a>(
     let length = |rod: &Body| rod.curve.as_ref().map_or(0.0, MedialCurve::length);
     let as_near = near.into_iter().filter(|(_, rod)| distance(rod) <= nearest + radius(rod));
     let (id, rod) = as_near.max_by(|(_, a), (_, b)| length(a).total_cmp(&length(b)))?;
-    let axis = rod.curve.as_ref()?;
+    let middle = rod.curve.as_ref()?;
     let outward = if end_distance(tail, rod) <= end_distance(head, rod) { curve.clone() } else { curve.reversed() };
-    let (from, root) = collar(&outward, axis, radius(rod))?;
+    let (from, root) = collar(&outward, middle, radius(rod))?;
     if from + reach > outward.length() {
         return None;
     }
-    let chord = outward.point_at(from + reach) - root;
-    let along = axis.direction_about(axis.nearest(root).at, reach);
-    let angle = chord.angle_between(along).to_degrees();
+    let tip = outward.point_at(from + reach);
+    let at = middle.nearest(root).at;
+    // Where a rod is seen from one side, the middle of what is seen lies off its axis, the more the more of it is hidden.
+    let rough = Axis { x: middle.point_at(at), along: middle.direction_about(at, reach) };
+    let axis = rough.fitted(&rod.points, radius(rod), reach);
+    let chord = midrib_chord(&ribbon.points, axis, (root, tip), radius(rod)).unwrap_or(tip - root);
+    let angle = chord.angle_between(axis.along).to_degrees();
     Some((angle.min(180.0 - angle), (id, rod)))
+}
+
+/// Half widths of the strip about the midrib, in the rod's radii: the first that holds enough points.
+const STRIPS: [f64; 3] = [0.5, 1.0, 2.0];
+/// Fewest points of a strip.
+const LEAST_POINTS: usize = 8;
+
+/// Chord of a sheet's midrib from a rod's surface at `root` as far as `tip`. The sheet is bent about the rod where it leaves
+/// it, and the rod may hide some, so that the middle of its points lies off the midrib there. Hence a parabola through
+/// the points next to the half-plane from the rod's axis through the tip. `None` where they are too few, or none lies in
+/// the half next to the rod.
+fn midrib_chord(sheet: &[DVec3], axis: Axis, (root, tip): (DVec3, DVec3), radius: f64) -> Option<DVec3> {
+    let out = (tip - axis.x).reject_from_normalized(axis.along).try_normalize()?;
+    let aside = axis.along.cross(out);
+    let in_plane = |x: DVec3| DVec2::new((x - axis.x).dot(axis.along), (x - axis.x).dot(out));
+    let begin = in_plane(root).max(DVec2::new(f64::NEG_INFINITY, radius));
+    let chord = in_plane(tip) - begin;
+    // Shares of the chord along and across it.
+    let local = |x: DVec2| DVec2::new(chord.dot(x - begin), chord.perp_dot(x - begin)) / chord.length_squared();
+    let strip = |width: f64| -> Vec<DVec2> {
+        let near = sheet.iter().filter(|&&x| (x - axis.x).dot(aside).abs() <= width * radius);
+        let outside = near.map(|&x| in_plane(x)).filter(|x| x.y > 0.0).map(local);
+        outside.filter(|x| (0.0..=1.0).contains(&x.x) && x.y.abs() <= 0.5).collect()
+    };
+    let midrib = STRIPS.into_iter().map(strip).find(|strip| strip.len() >= LEAST_POINTS)?;
+    midrib.iter().any(|x| x.x < 0.5).then_some(())?;
+    let [_, slope, bend] = parabola(&midrib)?;
+    let chord = chord + (slope + bend) * chord.perp();
+    Some(chord.x * axis.along + chord.y * out)
 }
 
 /// Where a ribbon, from its end on the rod outwards, leaves a rod: the arc length there, and the place on the rod's surface.

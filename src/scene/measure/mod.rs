@@ -3,8 +3,10 @@
 //! May use: masks (the label tree), the cloud, engine::job. Must not touch: files, Project, UI.
 
 mod area;
+mod axis;
 mod body;
 mod bridge;
+mod bulk;
 mod extent;
 mod grid;
 mod ground;

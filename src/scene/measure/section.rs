@@ -84,7 +84,7 @@ fn sheet_width(points: &[DVec2]) -> Option<f64> {
 }
 
 /// Least squares of `y = c0 + c1 x + c2 x²`; `None` when the points do not determine it.
-fn parabola(points: &[DVec2]) -> Option<[f64; 3]> {
+pub(super) fn parabola(points: &[DVec2]) -> Option<[f64; 3]> {
     let mut normal = nalgebra::Matrix3::<f64>::zeros();
     let mut right = nalgebra::Vector3::<f64>::zeros();
     for x in points {

@@ -46,6 +46,15 @@ impl Trait {
         Self { name, value, definition: definition.into(), points }
     }
 
+    /// Tells that so many points were left out as stray; nothing where it is none.
+    pub(super) fn leaving_out(self, stray: usize) -> Self {
+        match stray {
+            0 => self,
+            1 => Self { definition: format!("{}; 1 stray point left out", self.definition).into(), ..self },
+            _ => Self { definition: format!("{}; {stray} stray points left out", self.definition).into(), ..self },
+        }
+    }
+
     pub(super) fn row(self, tree: &LabelTree, id: LabelId, instance: usize) -> TraitRow {
         let label = tree.get(id).map_or_else(String::new, |label| label.name.clone());
         let Self { name, value: (value, dimension), definition, points } = self;

@@ -82,6 +82,25 @@ fn half_seen_rod_with_a_hidden_middle_is_one() {
     assert_near(value(&rows, "label 1", 1, "diameter"), 0.005, 0.05);
 }
 
+/// The surface of a spheroid about the z axis, mm, points about 0.2 mm apart.
+fn spheroid(half_length: f64, half_width: f64, middle: f64) -> Vec<DVec3> {
+    let count = 1500;
+    let point = |k: i32| {
+        let z = 1.0 - 2.0 * (f64::from(k) + 0.5) / f64::from(count);
+        let (sin, cos) = (2.399_963 * f64::from(k)).sin_cos();
+        let ring = half_width * (1.0 - z * z).sqrt();
+        DVec3::new(ring * cos, ring * sin, middle + half_length * z)
+    };
+    (0..count).map(point).collect()
+}
+
+#[test]
+fn grains_in_a_row_are_not_joined() {
+    let rows = rows(&[(0..4).flat_map(|k| spheroid(3.5, 1.5, 8.0 * f64::from(k))).collect()]);
+    assert_eq!(value(&rows, "label 1", 0, "instances"), Some(4.0));
+    assert_near(value(&rows, "label 1", 1, "length"), 0.007, 0.05);
+}
+
 #[test]
 fn ribbon() {
     let bent = |u: f64, v: f64| DVec3::new(u - 5.0, 80.0 * (v / 80.0).cos(), 80.0 * (v / 80.0).sin());
@@ -123,6 +142,27 @@ fn insertion() {
 }
 
 #[test]
+fn insertion_where_half_of_rod_and_sheet_is_hidden() {
+    // Seen from +y: above the collar at 60 mm the sheet, which leaves towards +x, hides the less of the stem the higher;
+    // below, all of it is hidden.
+    let stem = patch((8.0, 90.0), |u, v| {
+        let first = (1.3 - 0.035 * v).max(0.0);
+        let angle = first + (std::f64::consts::PI - first) * u / 8.0;
+        DVec3::new(2.5 * angle.cos(), 2.5 * angle.sin(), 60.0 + v)
+    });
+    // Bent about the stem at the collar and flat from 20 mm on; up to 12 mm its far half is hidden.
+    let (sin, cos) = 28_f64.to_radians().sin_cos();
+    let blade = patch((10.0, 120.0), |u, v| {
+        let (bend, aside) = ((0.4 * (1.0 - v / 20.0)).max(1e-3), u - 5.0);
+        let in_bend = (1.0 - (bend * aside).cos()) / bend;
+        DVec3::new(2.5 + v * sin - in_bend * cos, (bend * aside).sin() / bend, 60.0 + v * cos + in_bend * sin)
+    });
+    let seen = blade.into_iter().filter(|x| x.y > -0.5 || x.z > 60.0 + 12.0 * cos).collect();
+    let angle = value(&rows(&[stem, seen]), "label 2", 1, "insertion_angle").unwrap();
+    assert!((angle - 28.0).abs() < 0.5, "{angle}");
+}
+
+#[test]
 fn a_rod_of_two_thicknesses_has_a_mean_and_a_largest_diameter() {
     let thin = tube(2.0, std::f64::consts::TAU, (0.0, 100.0));
     let thick = tube(3.0, std::f64::consts::TAU, (100.0, 200.0));
@@ -147,6 +187,25 @@ fn a_ball_has_its_volume() {
     for name in ["box_x", "box_y", "box_z", "size_long", "size_short"] {
         assert_near(value(&rows, "label 1", 0, name), 0.05, 0.01);
     }
+}
+
+/// What the points of a label gave before a speck of noise far away, and what they give with it.
+#[test]
+fn a_stray_speck_far_away_does_not_change_hull_boxes_area_and_heights() {
+    let rod = tube(2.5, std::f64::consts::TAU, (0.0, 200.0));
+    let speck = (0..12).map(|k| DVec3::new(900.0 + f64::from(k % 3), 700.0 + f64::from(k / 3), -800.0));
+    let ground = GroundChoice::Plane { normal: [0.0, 0.0, 1.0], offset: 0.0 };
+    let clean = measured_above(&cloud(std::slice::from_ref(&rod)), ground).unwrap();
+    let noisy = measured_above(&cloud(&[rod.into_iter().chain(speck).collect()]), ground).unwrap();
+    let sizes = ["hull_volume", "voxel_volume", "area", "size_long", "size_short", "box_x", "box_y", "box_z"];
+    for name in sizes.into_iter().chain(["height_max", "height_min"]) {
+        assert_near(value(&noisy, "label 1", 0, name), value(&clean, "label 1", 0, name).unwrap(), 0.01);
+        let row = |rows: &[TraitRow]| rows.iter().find(|row| (row.instance, row.name) == (0, name)).unwrap().clone();
+        let (clean, noisy) = (row(&clean), row(&noisy));
+        assert!(noisy.definition.ends_with("stray points left out"), "{}", noisy.definition);
+        assert!(!clean.definition.contains("stray"), "{}", clean.definition);
+    }
+    assert_eq!(value(&noisy, "label 1", 0, "instances"), Some(1.0));
 }
 
 #[test]

@@ -3,6 +3,7 @@ use glam::DVec3;
 use super::area::surface_areas;
 use super::body::Body;
 use super::bridge::join_rods;
+use super::bulk::bulk;
 use super::extent::extent_traits;
 use super::grid::{components, median_spacing, thinned};
 use super::ground::{Ground, GroundChoice};
@@ -51,10 +52,13 @@ const MOST_POINTS: usize = 200_000;
 struct Measured {
     id: LabelId,
     count: usize,
-    /// All its points, thinned.
+    /// All its points but stray specks, thinned.
     points: Vec<DVec3>,
+    /// How many of the thinned points are such specks.
+    stray: usize,
     /// Of the thinned points.
     spacing: f64,
+    /// Of what `points` cover.
     area: f64,
     bodies: Vec<Body>,
 }
@@ -95,7 +99,9 @@ pub fn measure(
         for (instance, mut traits) in label.traits().into_iter().enumerate() {
             let body = instance.checked_sub(1).map(|k| &label.bodies[k]);
             let points = body.map_or(&label.points, |body| &body.points);
-            traits.extend(ground.iter().flat_map(|ground| ground.traits(points)));
+            let stray = if body.is_some() { 0 } else { label.stray };
+            let heights = ground.iter().flat_map(|ground| ground.traits(points));
+            traits.extend(heights.map(|found| found.leaving_out(stray)));
             traits.extend(body.and_then(|body| insertion(&cloud.tree, (label.id, body), &labels, options)));
             rows.extend(traits.into_iter().map(|found| found.row(&cloud.tree, label.id, instance)));
         }
@@ -152,7 +158,9 @@ fn insertion(
     let rods = others.flat_map(|label| label.rods().map(move |rod| (label.id, rod)));
     let (angle, (of, rod)) = insertion_angle(body, rods, options.insertion_reach)?;
     let name = tree.get(of).map_or("", |label| label.name.as_str());
-    let definition = format!("angle between the first part of the sheet and the rod that it leaves ({name}), 0 to 90");
+    let definition = format!(
+        "angle between the axis of the rod that the sheet leaves ({name}) and the chord of its midrib's first part, 0 to 90"
+    );
     let points = body.points.len() + rod.points.len();
     Some(Trait::new("insertion_angle", (angle, Dimension::Angle), definition, points))
 }
@@ -168,17 +176,18 @@ impl Measured {
         }
         let spacing = median_spacing(&points);
         let areas = surface_areas(&points, spacing, progress)?;
+        let reach = options.link * spacing;
+        let pieces = if spacing > 0.0 { components(&points, reach) } else { Vec::new() };
         let mut bodies = Vec::new();
-        if spacing > 0.0 {
-            let reach = options.link * spacing;
-            for group in components(&points, reach).into_iter().filter(|group| group.len() >= options.min_points) {
-                progress.check()?;
-                let surface = (group.iter().map(|&k| points[k]).collect(), group.iter().map(|&k| areas[k]).sum());
-                bodies.push(Body::new(surface, spacing, reach, progress)?);
-            }
+        for group in pieces.iter().filter(|group| group.len() >= options.min_points) {
+            progress.check()?;
+            let surface = (group.iter().map(|&k| points[k]).collect(), group.iter().map(|&k| areas[k]).sum());
+            bodies.push(Body::new(surface, spacing, reach, progress)?);
         }
-        let (area, bodies) = (areas.iter().sum(), join_rods(bodies, options.bridge));
-        Ok(Self { id, count: all.len(), points, spacing, area, bodies })
+        let (kept, bodies) = (bulk(&pieces, points.len()), join_rods(bodies, options.bridge));
+        let (stray, area) = (points.len() - kept.len(), kept.iter().map(|&k| areas[k]).sum());
+        let points = kept.iter().map(|&k| points[k]).collect();
+        Ok(Self { id, count: all.len(), points, stray, spacing, area, bodies })
     }
 
     fn rods(&self) -> impl Iterator<Item = &Body> {
@@ -193,9 +202,15 @@ impl Measured {
         let all = self.count;
         let mut whole = vec![
             count("points", all, "number of points with the label or one below it", all),
-            count("instances", self.bodies.len(), "number of groups of points that hang together", self.points.len()),
+            count(
+                "instances",
+                self.bodies.len(),
+                "number of groups of points that hang together",
+                self.points.len() + self.stray,
+            ),
         ];
-        whole.extend(extent_traits(&self.points, self.area, self.spacing));
+        let extent = extent_traits(&self.points, self.area, self.spacing);
+        whole.extend(extent.into_iter().map(|found| found.leaving_out(self.stray)));
         std::iter::once(whole).chain(self.bodies.iter().map(|body| body.traits(self.spacing))).collect()
     }
 }

@@ -15,9 +15,10 @@ pub struct LabelledMesh {
 }
 
 impl LabelledMesh {
-    /// The triangles for which `keep` holds, with the vertices that they use, in their order.
+    /// The triangles for which `keep` holds, with the vertices that they use, in their order; and which vertices of this
+    /// mesh these are, by rising index.
     #[must_use]
-    pub fn filter(&self, mut keep: impl FnMut(usize) -> bool) -> Self {
+    pub fn filter(&self, mut keep: impl FnMut(usize) -> bool) -> (Self, Vec<u32>) {
         let kept: Vec<[u32; 3]> =
             self.triangles.iter().enumerate().filter(|(at, _)| keep(*at)).map(|(_, &triangle)| triangle).collect();
         let mut place = vec![u32::MAX; self.vertices.len()];
@@ -25,7 +26,7 @@ impl LabelledMesh {
         let used: Vec<u32> = (0..self.vertices.len() as u32).filter(|&at| place[at as usize] == 0).collect();
         used.iter().enumerate().for_each(|(new, &old)| place[old as usize] = new as u32);
         let triangles = kept.into_iter().map(|triangle| triangle.map(|vertex| place[vertex as usize])).collect();
-        Self { vertices: self.vertices.select(&used), triangles }
+        (Self { vertices: self.vertices.select(&used), triangles }, used)
     }
 
     /// The mesh with every triangle between labels cut at the middles of its sides, so that each triangle lies in one
@@ -160,7 +161,8 @@ mod tests {
 
     #[test]
     fn filtering_leaves_no_vertex_without_a_triangle() {
-        let half = two_triangles().filter(|at| at == 1);
+        let (half, used) = two_triangles().filter(|at| at == 1);
+        assert_eq!(used, [0, 2, 3]);
         assert_eq!(half.triangles, [[0, 1, 2]]);
         assert_eq!(half.vertices.positions, [Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0), Vec3::Y]);
     }

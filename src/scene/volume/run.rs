@@ -57,7 +57,7 @@ pub fn reconstruct_surface(
     let keep = raw.in_true_pieces(options.min_triangles, options.keep_well_seen);
     let mut vertices = LabelledCloud::from_positions(raw.positions);
     vertices.colors = raw.colors;
-    let mut mesh = LabelledMesh { vertices, triangles: raw.triangles }.filter(|at| keep[at]);
+    let mut mesh = LabelledMesh { vertices, triangles: raw.triangles }.filter(|at| keep[at]).0;
     mesh.compute_normals();
     Ok(Surface { mesh, frames, bytes })
 }

@@ -6,16 +6,17 @@ use anyhow::{Context, Result, ensure};
 
 use super::fuse::save_votes;
 use super::paint::{anchor_of, label_name, mask_of};
+use super::surface::save_surface;
 use super::voted_before::VotedBefore;
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
 use crate::masks::{LabelId, RunMask};
 use crate::scene::correct::SeeingPixels;
 use crate::scene::fuse::{Fused, ProjectViews};
-use crate::scene::ply::{Coloring, save_mesh, save_ply};
+use crate::scene::ply::{Coloring, save_ply};
 use crate::scene::select::Selector;
 use crate::session::jobs::{Kind, Landing};
-use crate::session::store::{cloud_path, mesh_path, mesh_votes_path, sync_folder, version_in_force, votes_path};
+use crate::session::store::{cloud_path, keep_mesh, sync_folder, version_in_force, votes_path};
 use crate::session::{
     CloudCorrection, Edit, Event, FrameMask, JobId, MaskOrigin, Project, ResultKind, ResultRecord, Session,
 };
@@ -74,6 +75,7 @@ impl Session {
                 if let Some((fused, _)) = voted {
                     session.cloud.put(Some(next_version), fused.cloud, Some(fused.votes));
                     session.events.push(Event::CloudChanged);
+                    session.warn_all(fused.report.warnings);
                 }
                 Ok(())
             }) as Landing)
@@ -122,20 +124,39 @@ impl Correcting {
         }
         let masks = |frame: usize| after.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
         let views = ProjectViews { frames: &after.frames, store: &self.store, masks: &masks };
-        let Some(fused) = self.before.cloud(&views, &after, progress)? else { return Ok(None) };
+        let Some(mut fused) = self.before.cloud(&views, &after, progress)? else { return Ok(None) };
         progress.stage("save")?;
         save_ply(&cloud_path(&self.root, version), &fused.cloud, Coloring::Picture, progress)?;
         save_votes(&votes_path(&self.root, version), &fused.votes)?;
-        let surface = self.before.surface(&views, &after, progress)?;
-        if let Some((mesh, votes)) = &surface {
-            save_mesh(&mesh_path(&self.root, version), mesh, Coloring::Picture, progress)?;
-            save_votes(&mesh_votes_path(&self.root, version), votes)?;
-        }
+        let has_new_labels = self.surface_again(&views, &after, version, progress)?;
         sync_folder(&self.root.join("versions"))?;
-        let voxel = surface.and(self.before.record.voxel);
-        let seconds = begun.elapsed().as_secs_f64();
-        let frames = fused.report.frames_voted;
-        Ok(Some((fused, ResultRecord { frames, seconds, version, voxel, ..self.before.record.clone() })))
+        if !has_new_labels {
+            fused.report.warnings.push("the mesh keeps the labels that it had; fuse again".into());
+        }
+        let before = self.before.record.clone();
+        let (frames, seconds) = (fused.report.frames_voted, begun.elapsed().as_secs_f64());
+        let stale = before.stale || !has_new_labels;
+        Ok(Some((fused, ResultRecord { frames, seconds, stale, version, ..before })))
+    }
+
+    /// The surface as the masks vote now, saved under this version; as it was where it is not known who voted for it. Whether
+    /// it carries the labels of now.
+    fn surface_again(
+        &self,
+        views: &ProjectViews<'_>,
+        after: &Project,
+        version: u64,
+        progress: &Progress,
+    ) -> Result<bool> {
+        if self.before.record.voxel.is_none() {
+            return Ok(true);
+        }
+        let Some((mesh, votes)) = self.before.surface(views, after, progress)? else {
+            keep_mesh(&self.root, self.before.record.version, version)?;
+            return Ok(false);
+        };
+        save_surface(&self.root, version, &mesh, &votes, progress)?;
+        Ok(true)
     }
 }
 

@@ -44,7 +44,7 @@ impl Session {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
         ensure!(!request.things.is_empty(), "nothing was named to be taken");
-        let segmenter = engines::segmenter(&request.segmenter)?;
+        let segmenter = engines::segmenter(&request.segmenter, self.geometry_for(&project))?;
         let (prepared, store, request) = (Arc::clone(&self.prepared), Arc::clone(&self.store), request.clone());
         Ok(self.start("Take what was found", Kind::Short, move |link| {
             let ready = prepared.get(segmenter.as_ref(), &frame, &store, &link.progress)?;

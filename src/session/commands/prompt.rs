@@ -9,6 +9,8 @@ use crate::masks::{
     Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, landmarks,
     taken_by_others,
 };
+use crate::scene::GeometrySegmenter;
+use crate::session::engines::geometry_segmenter;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{Edit, Event, JobId, Project, PromptRequest, Session, engines};
 
@@ -22,7 +24,7 @@ impl Session {
             self.supersede(request);
             return self.take_off(&project, request.frame, request.label).map(|()| None);
         }
-        let segmenter = engines::segmenter(&request.segmenter)?;
+        let segmenter = engines::segmenter(&request.segmenter, self.geometry_for(&project))?;
         self.supersede(request);
         if request.segmenter == "auto" && self.told_segmenter.replace(segmenter.name()) != Some(segmenter.name()) {
             self.events.push(Event::Notice(format!("segmenter: {}", segmenter.name())));
@@ -44,7 +46,7 @@ impl Session {
         if self.preparing.as_deref() == Some(name) {
             return;
         }
-        let Ok(segmenter) = engines::previewer(segmenter) else { return };
+        let Ok(segmenter) = engines::previewer(segmenter, self.geometry_for(&project)) else { return };
         self.jobs.iter().filter(|job| job.title == PREPARE).for_each(crate::session::jobs::Job::stop);
         self.preparing = Some(name.clone());
         let (prepared, store) = (Arc::clone(&self.prepared), Arc::clone(&self.store));
@@ -57,6 +59,13 @@ impl Session {
             }
             Ok(Box::new(|_: &mut Self| Ok(())) as Landing)
         });
+    }
+
+    /// The segmenter that knows where a project's frames were taken from.
+    pub(in crate::session) fn geometry_for(&mut self, project: &Project) -> Arc<GeometrySegmenter> {
+        let kept = self.geometry.take().filter(|kept| kept.is_for(&project.frames));
+        let make = || geometry_segmenter(Arc::clone(&project.frames), Arc::clone(&self.store));
+        Arc::clone(self.geometry.insert(kept.unwrap_or_else(make)))
     }
 
     /// A prompt for the same label and frame that is still being answered is no longer wanted.

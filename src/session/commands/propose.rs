@@ -17,7 +17,7 @@ impl Session {
     pub(in crate::session) fn propose(&mut self, frame: usize, segmenter: &str) -> Result<JobId> {
         let project = self.snapshot()?;
         let of = project.frame(frame)?.clone();
-        let segmenter = engines::previewer(segmenter)?;
+        let segmenter = engines::previewer(segmenter, self.geometry_for(&project))?;
         let (prepared, store) = (Arc::clone(&self.prepared), Arc::clone(&self.store));
         Ok(self.start("Propose", Kind::Short, move |link| {
             let ready = prepared.get(segmenter.as_ref(), &of, &store, &link.progress)?;

@@ -45,7 +45,7 @@ impl Sources<'_> {
         if let Some(before) = before
             && let Some((mesh, votes)) = before.surface(&views, self.project, progress)?
         {
-            self.save(version, &mesh, &votes, progress)?;
+            save_surface(self.root, version, &mesh, &votes, progress)?;
             return Ok(before.record.voxel.map_or(Made::Nothing(None), |voxel| Made::Surface { voxel }));
         }
         let Some(voxel) = self.voxel(&views)? else { return Ok(Made::Nothing(None)) };
@@ -66,14 +66,8 @@ impl Sources<'_> {
             return Ok(Made::Nothing(Some("no surface was made: the depths hold none at this voxel size".into())));
         }
         let (mesh, votes) = self.vote(surface.mesh, &views, progress)?;
-        self.save(version, &mesh, &votes, progress)?;
+        save_surface(self.root, version, &mesh, &votes, progress)?;
         Ok(Made::Surface { voxel: options.voxel })
-    }
-
-    /// Votes on vertices are kept where they may be asked again: not where some were left out.
-    fn save(&self, version: u64, mesh: &LabelledMesh, votes: &Votes, progress: &Progress) -> Result<()> {
-        save_mesh(&mesh_path(self.root, version), mesh, Coloring::Picture, progress)?;
-        if self.request.drop_unlabelled { Ok(()) } else { save_votes(&mesh_votes_path(self.root, version), votes) }
     }
 
     /// The edge asked for; otherwise what a pixel of the depth maps covers.
@@ -102,10 +96,23 @@ impl Sources<'_> {
         let onto = OntoOptions { min_confidence, ..OntoOptions::default() };
         let voted = vote_seen(&mesh.vertices, &SeenPoints::new(), views, &self.project.labels, &onto, progress)?;
         mesh.vertices = voted.cloud;
-        if self.request.drop_unlabelled {
-            let is_labelled = |vertex: &u32| mesh.vertices.labels[*vertex as usize] != LabelId::NONE;
-            mesh = mesh.filter(|at| mesh.triangles[at].iter().all(is_labelled));
+        if !self.request.drop_unlabelled {
+            return Ok((mesh, voted.votes));
         }
-        Ok((mesh, voted.votes))
+        let is_labelled = |vertex: &u32| mesh.vertices.labels[*vertex as usize] != LabelId::NONE;
+        let (labelled, kept) = mesh.filter(|at| mesh.triangles[at].iter().all(is_labelled));
+        Ok((labelled, voted.votes.select(&kept)))
     }
+}
+
+/// Saves a surface and who voted for its vertices, so that they can be asked again.
+pub(super) fn save_surface(
+    root: &Path,
+    version: u64,
+    mesh: &LabelledMesh,
+    votes: &Votes,
+    progress: &Progress,
+) -> Result<()> {
+    save_mesh(&mesh_path(root, version), mesh, Coloring::Picture, progress)?;
+    save_votes(&mesh_votes_path(root, version), votes)
 }

@@ -87,6 +87,15 @@ pub fn publish_cloud(root: &Path, version: Option<u64>) -> Result<()> {
     if changed { durable::sync_folder(root) } else { Ok(()) }
 }
 
+/// Gives the mesh of one version to another one, as it is.
+///
+/// # Errors
+/// When the file cannot be put in place, or is gone.
+pub fn keep_mesh(root: &Path, from: u64, to: u64) -> Result<()> {
+    let place = mesh_path(root, to);
+    link(&mesh_path(root, from), &place).with_context(|| durable::cannot_write(&place))
+}
+
 /// Puts the depth maps that frames have now under `depths/`, by the frames' names, and takes away those that it put there
 /// before. Other files in that folder are left alone.
 ///

@@ -182,7 +182,7 @@ fn names_that_are_no_engine_and_engines_that_are_not_there() {
         let request = PromptRequest { segmenter: segmenter.into(), ..request };
         perform(&mut session, Command::Prompt(request)).unwrap_err().to_string()
     };
-    assert_eq!(prompted("sum"), "there is no segmenter 'sum'; choose one of auto, sam, sam-close, builtin");
+    assert_eq!(prompted("sum"), "there is no segmenter 'sum'; choose one of auto, sam, sam-close, geometry, builtin");
     assert!(prompted("sam").starts_with("'sam' is not installed: it needs"), "{}", prompted("sam"));
 }
 

@@ -4,7 +4,7 @@ struct Eye {
     clip_from_world: mat4x4<f32>,
     // Takes the inside of the clip box to the cube from -1 to 1.
     cube_from_world: mat4x4<f32>,
-    // x, y: size of the picture in pixels; z: pixels per world unit at clip w = 1; w: disc radius in world units.
+    // x, y: size of the picture in pixels; z: pixels per world unit at clip w = 1.
     view: vec4<f32>,
     // x: smallest, y: largest disc radius in pixels.
     disc: vec4<f32>,
@@ -12,6 +12,8 @@ struct Eye {
 };
 
 @group(0) @binding(0) var<uniform> eye: Eye;
+// x: how many times their radius discs have where not all points are drawn.
+@group(1) @binding(0) var<uniform> growth: vec4<f32>;
 
 struct Disc {
     @builtin(position) position: vec4<f32>,
@@ -24,11 +26,12 @@ fn vertex(
     @builtin(vertex_index) index: u32,
     @location(0) position: vec3<f32>,
     @location(1) color: vec4<f32>,
+    @location(2) radius: f32,
 ) -> Disc {
     var out: Disc;
     let corner = vec2<f32>(f32(index & 1u) * 2.0 - 1.0, f32(index >> 1u) * 2.0 - 1.0);
     let at = eye.clip_from_world * vec4<f32>(position, 1.0);
-    let radius_px = clamp(eye.view.w * eye.view.z / max(at.w, 1e-9), eye.disc.x, eye.disc.y);
+    let radius_px = clamp(radius * growth.x * eye.view.z / max(at.w, 1e-9), eye.disc.x, eye.disc.y);
     out.position = at + vec4<f32>(corner * radius_px * 2.0 / eye.view.xy * at.w, 0.0, 0.0);
     let in_cube = abs((eye.cube_from_world * vec4<f32>(position, 1.0)).xyz);
     if color.a == 0.0 || max(in_cube.x, max(in_cube.y, in_cube.z)) > 1.0 {

@@ -1,4 +1,5 @@
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::mpsc::channel;
 
 use anyhow::{Result, bail};
@@ -47,8 +48,9 @@ pub fn evaluate_interaction(request: &InteractRequest, watch: &mut Watch<'_>) ->
 }
 
 fn play(request: &InteractRequest, progress: &Progress) -> Result<(InteractReport, Vec<String>)> {
-    let segmenter = engines::segmenter(&request.segmenter)?;
     let (sequence, warnings) = Sequence::open(&request.frames, &request.truth, progress)?;
+    let geometry = engines::geometry_segmenter(Arc::clone(&sequence.project().frames), Arc::clone(&sequence.store));
+    let segmenter = engines::segmenter(&request.segmenter, geometry)?;
     let settings = TrackSettings { tracker: request.tracker.clone(), ..TrackSettings::default() };
     let tracker = engines::tracker(&settings, &sequence.project())?;
     let report = interact(&sequence, segmenter.as_ref(), tracker.as_ref(), &request.options, progress)?;
