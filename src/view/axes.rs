@@ -49,7 +49,7 @@ impl Axes {
         Self { right: forward.cross(up), up, forward }
     }
 
-    /// Upright as [`upright`] has it; the front is what most of them look at, or the first one where they
+    /// Upright as the cameras were held; the front is what most of them look at, or the first one where they
     /// stand all around. Without cameras y is down and z away.
     #[must_use]
     pub fn of_cameras(frames: &[Frame]) -> Self {

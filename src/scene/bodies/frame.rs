@@ -145,14 +145,16 @@ impl PreparedFrame for FrameBodies {
         if let Some(taken) = taken {
             answer.subtract(taken);
         }
-        // Where space says otherwise than a click, the picture puts right what lies at the click and what space does not see.
+        // Where space says otherwise than a click, the picture puts right what lies at the click; where space knows nothing
+        // near it, all that space does not see.
         for (at, click) in prompt.clicks.iter().enumerate() {
             let pixel = click.pixel_in(answer.width, answer.height);
             if pixel.is_none_or(|pixel| answer.inside[pixel] != click.include) {
                 let prompt = Prompt { clicks: prompt.clicks[..=at].to_vec(), boxes: Vec::new() };
                 let request = SegmentRequest { prompt: &prompt, previous: Some(&answer), taken };
                 let asked = self.picture.segment(&request, progress)?;
-                let is_free = |at: usize| self.seen[at].is_none() || self.is_at(click, at);
+                let is_unknown = self.surface_at(click).is_none();
+                let is_free = |at: usize| self.is_at(click, at) || is_unknown && self.seen[at].is_none();
                 for (at, inside) in answer.inside.iter_mut().enumerate().filter(|(at, _)| is_free(*at)) {
                     *inside = asked.inside[at];
                 }
