@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Layers;
-use crate::masks::{LabelTree, RunMask};
+use crate::masks::{LabelTree, Region, RunMask};
 use crate::scene::doubt::FrameDoubt;
 use crate::scene::fuse::Votes;
 use crate::scene::measure::{LengthUnit, TraitRow};
@@ -67,6 +67,8 @@ pub struct Look<'a> {
     pub interactions: usize,
     /// By frame, how much its mask contradicts the vote of all.
     pub doubts: &'a BTreeMap<usize, FrameDoubt>,
+    /// The pixels of the shown frame that the vote of all contradicts, where they are to be shown.
+    pub contradicted: Option<&'a Arc<Region>>,
     /// What was measured of the cloud's labels, once it was asked for.
     pub traits: Option<&'a Arc<Vec<TraitRow>>>,
     /// What lengths of the scene are told in.

@@ -36,6 +36,8 @@ pub struct Prefs {
     pub timeline: bool,
     /// What networks run on.
     pub provider: Provider,
+    /// Whether it is shown where the vote of all contradicts a doubtful mask.
+    pub contradictions: bool,
     /// Confidence below which a frame is one to check, 0–1.
     pub doubt_below: f32,
 }
@@ -58,6 +60,7 @@ impl Default for Prefs {
             links: false,
             timeline: true,
             provider: Provider::default(),
+            contradictions: true,
             doubt_below: 0.5,
         }
     }

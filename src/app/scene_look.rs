@@ -22,6 +22,8 @@ pub struct ScenePrefs {
     pub axes: bool,
     /// Opacity of all but the isolated label, 0–1.
     pub faint: f32,
+    /// Depth of the cameras' frusta, share of the scene's radius.
+    pub frustum: f32,
     /// Whether the frusta of cameras carry their pictures.
     pub pictures: bool,
     /// Opacity (0–1) of the picture over what the view sees through its camera.
@@ -38,6 +40,7 @@ impl Default for ScenePrefs {
             scale_bar: true,
             axes: true,
             faint: 0.0,
+            frustum: 0.12,
             pictures: false,
             blend: 0.0,
         }

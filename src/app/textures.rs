@@ -4,9 +4,8 @@ use std::sync::Arc;
 use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
 
 use crate::frames::Image;
-use crate::masks::LabelTree;
-use crate::masks::RunMask;
-use crate::view::{OverlayStyle, overlay};
+use crate::masks::{LabelTree, Region, RunMask};
+use crate::view::{OverlayStyle, hatch, overlay};
 
 /// Textures of pictures, thumbnails and masks; each is made anew only when what it shows changed.
 #[derive(Default)]
@@ -15,6 +14,7 @@ pub(super) struct Textures {
     pair: [Option<Picture>; 2],
     mask: Option<MaskTexture>,
     hovered: Option<MaskTexture>,
+    contradicted: Option<(Arc<Region>, TextureHandle)>,
     thumbnails: BTreeMap<usize, Thumbnail>,
     clock: u64,
 }
@@ -81,6 +81,20 @@ impl Textures {
         mask_texture(&mut self.hovered, ctx, runs, tree, &style)
     }
 
+    /// The texture of what the vote contradicts.
+    pub fn contradicted(&mut self, ctx: &Context, region: &Arc<Region>) -> TextureHandle {
+        if let Some((shown, texture)) = &self.contradicted
+            && Arc::ptr_eq(shown, region)
+        {
+            return texture.clone();
+        }
+        let pixels = hatch(region);
+        let image = fitted(ctx, region.width, region.height, |i| straight(pixels[i]));
+        let texture = ctx.load_texture("contradicted", image, PIXELS);
+        self.contradicted = Some((Arc::clone(region), texture.clone()));
+        texture
+    }
+
     /// The texture of a thumbnail.
     pub fn thumbnail(&mut self, ctx: &Context, frame: usize, image: &Arc<Image>) -> TextureHandle {
         self.clock += 1;
@@ -136,11 +150,8 @@ fn mask_texture(
         return shown.texture.clone();
     }
     let pixels = overlay(&runs.decode(), tree, style);
-    let color = |i: usize| {
-        let [r, g, b, a] = pixels[i];
-        Color32::from_rgba_unmultiplied(r, g, b, a)
-    };
-    let texture = ctx.load_texture("mask", fitted(ctx, runs.width, runs.height, color), PIXELS);
+    let image = fitted(ctx, runs.width, runs.height, |i| straight(pixels[i]));
+    let texture = ctx.load_texture("mask", image, PIXELS);
     let (tree, style) = (tree.clone(), style.clone());
     *kept = Some(MaskTexture { runs: Arc::clone(runs), tree, style, texture: texture.clone() });
     texture
@@ -148,6 +159,10 @@ fn mask_texture(
 
 fn opaque([r, g, b]: [u8; 3]) -> Color32 {
     Color32::from_rgb(r, g, b)
+}
+
+fn straight([r, g, b, a]: [u8; 4]) -> Color32 {
+    Color32::from_rgba_unmultiplied(r, g, b, a)
 }
 
 /// The pixels as egui takes them, every n-th where the picture is larger than the GPU's largest texture.

@@ -119,6 +119,7 @@ impl Window {
         }
         let view = &self.shell.view;
         let before = if view.compare { self.session.mask_before(view.frame) } else { None };
+        let doubts = self.session.doubts();
         let look = Look {
             project,
             root: self.session.root(),
@@ -144,7 +145,8 @@ impl Window {
             suggestions: self.session.suggestions(),
             grounding: self.session.grounding(),
             interactions: self.session.interactions(),
-            doubts: self.session.doubts(),
+            doubts,
+            contradicted: view.shows_contradiction(doubts).then(|| self.session.contradicted(view.frame)).flatten(),
             traits: view.measures.open.then(|| self.session.traits(view.measures.wish)).flatten(),
             unit: self.session.length_unit(),
             estimate: self.estimate,

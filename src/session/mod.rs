@@ -8,6 +8,7 @@ mod around;
 mod cloud;
 mod command;
 mod commands;
+mod contradicted;
 mod correction;
 pub mod demo;
 mod doubt;

@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 
 use super::cloud::CloudSlot;
 use super::commands::TrackRun;
+use super::contradicted::Contradicted;
 use super::doubt::Doubts;
 use super::growing::Growing;
 use super::hover::Hover;
@@ -46,6 +47,7 @@ pub struct Session {
     pub(super) cloud: CloudSlot,
     pub(super) surfaces: Surfaces,
     pub(super) doubts: Doubts,
+    pub(super) contradicted: Contradicted,
     pub(super) measuring: Measuring,
     pub(super) growing: Growing,
     pub(super) sparse: OnDemand<u64, SparseModel>,
@@ -88,6 +90,7 @@ impl Session {
             cloud: CloudSlot::default(),
             surfaces: Surfaces::default(),
             doubts: Doubts::default(),
+            contradicted: Contradicted::default(),
             measuring: Measuring::default(),
             growing: Growing::default(),
             sparse: OnDemand::default(),
@@ -193,6 +196,7 @@ impl Session {
         self.load_wanted_sparse();
         self.load_wanted_instances();
         self.compare_wanted();
+        self.contradict_wanted();
         self.measure_wanted();
         self.checkpoint_if_due();
         std::mem::take(&mut self.events)

@@ -124,6 +124,7 @@ impl Desk {
             traits: self.traits.as_ref(),
             unit: LengthUnit::Metre,
             doubts: &self.doubts,
+            contradicted: None,
             estimate: self.project.estimate(|_| 1),
         };
         self.asked.extend(self.shell.ui(ui, &look));

@@ -154,3 +154,32 @@ fn the_point_asked_about_is_marked_as_large_from_near_as_from_far() {
     assert_ne!(near.center(), far.center(), "the view was moved away");
     assert!((near.size() - far.size()).length() < 0.1, "{near} and {far}");
 }
+
+#[test]
+fn the_point_under_the_resting_pointer_tells_its_label() {
+    const TIP: &str = "90 % of the votes; click for who voted what";
+    let mut harness = shown();
+    let cloud = harness.state().cloud.clone().unwrap();
+    let point = (0..cloud.len()).find(|&point| cloud.labels[point] == LabelId(2)).unwrap();
+    harness.state_mut().shell.view.asked = Some(Asked::new(&cloud, None, point));
+    harness.run_steps(3);
+    let arms = cross(&harness, Color32::from_rgb(255, 235, 90));
+    let at = arms.iter().flatten().fold(egui::Rect::NOTHING, |all, &at| all.union(egui::Rect::from_pos(at))).center();
+    harness.state_mut().shell.view.asked = None;
+    harness.run_steps(3);
+    assert!(harness.query_by_label(TIP).is_none());
+    harness.hover_at(at);
+    let tells = |harness: &mut Harness<'static, Desk>| {
+        std::thread::park_timeout(std::time::Duration::from_millis(20));
+        harness.run_steps(2);
+        harness.query_by_label(TIP).is_some()
+    };
+    assert!((0..200).any(|_| tells(&mut harness)), "{:?}", labels(&harness));
+    let tree = &harness.state().project.labels;
+    let names: Vec<&str> = tree.path(LabelId(2)).iter().map(|&id| tree.get(id).unwrap().name.as_str()).collect();
+    let path = names.join(" › ");
+    assert!(harness.query_all_by_label(&path).next().is_some(), "{path}");
+    let corner = harness.get_by_label("3-D view").rect().left_top() + Vec2::splat(8.0);
+    harness.hover_at(corner);
+    assert!(!(0..20).any(|_| tells(&mut harness)), "nothing lies there");
+}

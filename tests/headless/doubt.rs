@@ -1,8 +1,10 @@
 //! Masks that the vote of all contradicts, as a user of the command line meets them.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use ostra::masks::{LabelId, read_palette_png};
+use ostra::session::{Command, Session};
 use serde_json::Value;
 
 use super::command_line::{Recording, done, refused};
@@ -16,6 +18,19 @@ fn ranked(project: &str) -> Vec<(u64, f64)> {
 fn pixels(project: &str, frame: u32, label: u16) -> Vec<bool> {
     let mask = read_palette_png(&Path::new(project).join(format!("masks/{frame}.png"))).unwrap();
     mask.ids.iter().map(|&id| id == LabelId(label)).collect()
+}
+
+/// Where the window shows stripes on a frame.
+fn contradicted(project: &str, frame: usize) -> Vec<bool> {
+    let mut session = Session::new();
+    session.act(Command::Open(project.into())).unwrap();
+    // The project is opened, then its cloud loaded, then it is compared; each when it was asked for.
+    for _ in 0..3 {
+        session.settle(|_| ControlFlow::Continue(()));
+        let _ = (session.cloud(), session.contradicted(frame));
+    }
+    session.settle(|_| ControlFlow::Continue(()));
+    session.contradicted(frame).expect("nobody said what is contradicted").inside.clone()
 }
 
 #[test]
@@ -38,6 +53,10 @@ fn a_wrong_mask_is_the_most_doubtful_and_the_vote_puts_it_right() {
     assert!(before[0].1 > 0.8 && before[1].1 < 0.02, "{before:?}");
     assert!(done(&["doubt", &project]).lines().nth(1).unwrap().ends_with("2 2.png"));
 
+    let wrong: Vec<bool> = right.iter().zip(pixels(&project, 2, 2)).map(|(right, other)| *right || other).collect();
+    let contradicted = contradicted(&project, 2);
+    let missed = wrong.iter().zip(&contradicted).filter(|(a, b)| a != b).count();
+    assert!(missed < 16, "{missed} of {} pixels", wrong.iter().filter(|inside| **inside).count());
     assert!(refused(&["doubt", &project, "--accept", "2", "--label", "nobody"]).contains("nobody"));
     done(&["doubt", &project, "--accept", "2"]);
     let repaired = pixels(&project, 2, 1);

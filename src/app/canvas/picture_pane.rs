@@ -63,6 +63,9 @@ fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map
         let texture = textures.mask(ui.ctx(), &runs, &look.project.labels, &style);
         paint::texture(&painter, map, texture.id());
     }
+    if let Some(region) = look.contradicted.filter(|_| view.masks_shown && !view.compare) {
+        paint::texture(&painter, map, textures.contradicted(ui.ctx(), region).id());
+    }
     if let Some(mask) = look.hovered.filter(|_| view.hover_wish.is_some()) {
         paint::texture(&painter, map, textures.hovered(ui.ctx(), mask, &look.project.labels).id());
     }

@@ -30,7 +30,13 @@ impl Asked {
     #[must_use]
     pub fn new(cloud: &Arc<LabelledCloud>, votes: Option<&Arc<Votes>>, point: usize) -> Self {
         let histogram = votes.map(|votes| votes.histogram(point).to_vec()).unwrap_or_default();
-        let voters = votes.map(|votes| votes.voters(point)).unwrap_or_default();
+        let mut voters = votes.map(|votes| votes.voters(point)).unwrap_or_default();
+        // Who contradicts is what the user looks for; frames without a mask have nothing to say.
+        voters.sort_by_key(|voter| match voter.label {
+            Some(label) if label != cloud.labels[point] => 0,
+            Some(_) => 1,
+            None => 2,
+        });
         Self { cloud: Arc::clone(cloud), point, votes: histogram, voters }
     }
 
@@ -132,7 +138,7 @@ pub(super) fn asked_ui(ui: &Ui, rect: Rect, camera: &ViewCamera, look: &Look<'_>
 }
 
 /// A label's path in its colour.
-fn label_ui(ui: &mut Ui, tree: &LabelTree, label: LabelId) {
+pub(super) fn label_ui(ui: &mut Ui, tree: &LabelTree, label: LabelId) {
     let Some(known) = tree.get(label) else {
         ui.weak(if label == LabelId::NONE { "nothing".to_owned() } else { format!("label {}", label.0) });
         return;

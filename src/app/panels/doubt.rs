@@ -29,6 +29,8 @@ pub(in crate::app) fn doubt_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
     if worst.len() > LISTED {
         ui.weak(format!("and {} more", worst.len() - LISTED));
     }
+    ui.checkbox(&mut view.prefs.contradictions, "Show where")
+        .on_hover_text("Stripes over the picture where the vote names another label; accepting the vote changes these");
     ui.horizontal_wrapped(|ui| {
         let can = look.doubts.contains_key(&view.frame);
         for (action, text, enabled) in [
@@ -43,10 +45,22 @@ pub(in crate::app) fn doubt_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
     });
 }
 
+/// Whether a frame is worth a look.
+fn is_worth_a_look(doubt: &FrameDoubt) -> bool {
+    doubt.share() >= LEAST
+}
+
+impl ViewState {
+    /// Whether it is to be shown where the vote contradicts the frame shown.
+    pub(in crate::app) fn shows_contradiction(&self, doubts: &BTreeMap<usize, FrameDoubt>) -> bool {
+        self.prefs.contradictions && self.masks_shown && doubts.get(&self.frame).is_some_and(is_worth_a_look)
+    }
+}
+
 /// Frames that are worth a look with their shares, the worst first; of equal ones the earlier.
 fn ranked(doubts: &BTreeMap<usize, FrameDoubt>) -> Vec<(usize, f32)> {
-    let shares = doubts.iter().map(|(&frame, doubt)| (frame, doubt.share()));
-    let mut ranked: Vec<(usize, f32)> = shares.filter(|(_, share)| *share >= LEAST).collect();
+    let listed = doubts.iter().filter(|(_, doubt)| is_worth_a_look(doubt));
+    let mut ranked: Vec<(usize, f32)> = listed.map(|(&frame, doubt)| (frame, doubt.share())).collect();
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     ranked
 }

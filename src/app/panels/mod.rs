@@ -24,6 +24,7 @@ mod scene_bar;
 mod scene_blend;
 mod scene_canvas;
 mod scene_display;
+mod scene_hover;
 mod scene_marks;
 mod scene_pane;
 mod scene_select;

@@ -41,6 +41,12 @@ pub(super) fn display_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Act
             .on_hover_text("Draws a length to compare with, at the middle's depth");
         ui.checkbox(&mut scene.axes, "Axes").on_hover_text("Draws which way the world's axes point");
         ui.horizontal(|ui| {
+            ui.label("Cameras");
+            let frustum = Slider::new(&mut scene.frustum, 0.02..=0.5).logarithmic(true).show_value(false);
+            let tip = "How large cameras and their pictures are drawn";
+            ui.add_enabled(view.prefs.frusta, frustum).on_hover_text(tip).accessible_name("Size of cameras");
+        });
+        ui.horizontal(|ui| {
             ui.label("Others");
             let faint = Slider::new(&mut scene.faint, 0.0..=1.0).show_value(false);
             let tip = "Opacity of all but the isolated label; Alt+click a point or a label to isolate it";

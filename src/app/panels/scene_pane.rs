@@ -8,6 +8,7 @@ use super::chosen::chosen_ui;
 use super::scene_bar::{labels_of, scene_bar_ui};
 use super::scene_blend::blend;
 use super::scene_canvas::SceneCanvas;
+use super::scene_hover::SceneHover;
 use super::scene_marks::marks;
 use super::scene_select::choose_by_hand;
 use crate::app::textures::Textures;
@@ -28,13 +29,12 @@ pub struct ScenePane {
     zoom_anchor: Option<(egui::Pos2, Vec3)>,
     /// Where the view was put to look through a camera.
     through: Option<Orbit>,
+    hover: SceneHover,
 }
 
 /// Radians a second that the turntable turns.
 const TURNING: f32 = 0.5;
 
-/// Depth of the cameras' frusta, share of the scene's radius.
-const FRUSTUM: f32 = 0.09;
 /// Most pictures that stand in the scene.
 const PLANES: usize = 200;
 
@@ -65,6 +65,7 @@ impl ScenePane {
             framed: Framed::default(),
             zoom_anchor: None,
             through: None,
+            hover: SceneHover::default(),
         }
     }
 
@@ -108,6 +109,8 @@ impl ScenePane {
             // The bar above is drawn already.
             ui.ctx().request_repaint();
         }
+        let Seen { appearance, clip } = self.seen(look, view);
+        self.hover.ui(ui, &response, look, view, (&camera, &clip, &appearance));
         self.draw(ui, rect, look, view);
         blend(ui, (rect, &camera, orbit.distance), look, view, textures);
         if let Some(wish) = view.picture_wish.take() {
@@ -305,7 +308,7 @@ impl ScenePane {
         let most = ui.input(|i| i.max_texture_side) as f32;
         let (mut lines, mut planes) = (Vec::new(), Vec::new());
         if view.prefs.frusta {
-            let size = self.framed.radius * FRUSTUM;
+            let size = self.framed.radius * view.prefs.scene.frustum;
             lines = frustum_lines(&look.project.frames, size, Some(view.frame));
             if view.prefs.scene.pictures {
                 planes = picture_planes(look, view, size);
@@ -384,10 +387,10 @@ fn framing(look: &Look<'_>, aspect: f32) -> Option<Orbit> {
 /// All cameras from behind, a little from above and from the side, upright as they stood.
 fn cameras_view(look: &Look<'_>) -> Option<Orbit> {
     let poses = look.project.frames.iter().filter_map(Frame::posed_camera);
-    let rotations: Vec<_> = poses.map(|(_, pose)| pose.rotation.as_quat().conjugate()).collect();
-    let mean = |axis: Vec3| rotations.iter().map(|&world_from_camera| world_from_camera * axis).sum::<Vec3>();
-    let up = mean(Vec3::NEG_Y).try_normalize().unwrap_or(Vec3::NEG_Y);
-    let forward = mean(Vec3::Z).try_normalize().unwrap_or(Vec3::Z);
+    let rotations = poses.map(|(_, pose)| pose.rotation.as_quat().conjugate());
+    let forward = rotations.map(|world_from_camera| world_from_camera * Vec3::Z).sum::<Vec3>();
+    let Axes { up, .. } = Axes::of_cameras(&look.project.frames);
+    let forward = forward.try_normalize().unwrap_or(Vec3::Z);
     Some(Orbit::framing(&bounds(look)?, forward + 0.5 * forward.cross(up) - 0.4 * up, up))
 }
 

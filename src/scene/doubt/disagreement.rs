@@ -1,5 +1,5 @@
 use super::sighted::{Sighted, mask_has_near};
-use crate::masks::{LabelId, LabelMask};
+use crate::masks::{LabelId, LabelMask, Region};
 use crate::scene::fuse::Votes;
 
 /// Pixels by which borders may differ: no mask is drawn to the pixel, and no point is seen to it.
@@ -36,4 +36,15 @@ pub fn frame_doubt(votes: &Votes, labels: &[LabelId], frame: usize, mask: &Label
         doubt.against += usize::from(differs);
     }
     doubt
+}
+
+/// The pixels where a frame's mask and the mask that the vote of all gives it name different labels, and not only because a
+/// border lies a little aside.
+#[must_use]
+pub fn contradiction(mask: &LabelMask, voted: &LabelMask) -> Region {
+    let differs = |(at, (&own, &voted_id)): (usize, (&LabelId, &LabelId))| {
+        own != voted_id && (!mask_has_near(mask, at, BORDER_PX, voted_id) || !mask_has_near(voted, at, BORDER_PX, own))
+    };
+    let inside = mask.ids.iter().zip(&voted.ids).enumerate().map(differs).collect();
+    Region { width: mask.width, height: mask.height, inside }
 }

@@ -9,7 +9,7 @@ mod sighted;
 mod tests;
 mod voted_mask;
 
-pub use disagreement::{FrameDoubt, frame_doubt};
+pub use disagreement::{FrameDoubt, contradiction, frame_doubt};
 pub(super) use lifted::Lifted;
 pub(super) use sighted::{Sighted, mask_has_near};
 pub use voted_mask::voted_mask;

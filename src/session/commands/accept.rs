@@ -3,18 +3,21 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 
 use super::paint::{by_hand, mask_of};
-use crate::masks::LabelId;
+use crate::frames::FrameStore;
+use crate::masks::{LabelId, LabelMask};
+use crate::scene::LabelledCloud;
 use crate::scene::doubt::voted_mask;
+use crate::scene::fuse::Votes;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::store::version_in_force;
 use crate::session::surfaces::load_cloud;
-use crate::session::{JobId, ResultKind, Session};
+use crate::session::{JobId, Project, ResultKind, Session};
 
 impl Session {
     /// Gives a frame the mask that the vote of all frames has, for some labels or (none named) for all.
     pub(in crate::session) fn accept_vote(&mut self, number: usize, labels: &[LabelId]) -> Result<JobId> {
         let project = self.snapshot()?;
-        let frame = project.frame(number)?.clone();
+        project.frame(number)?;
         let version = version_in_force(&project, ResultKind::Cloud).context("there is no cloud yet; fuse first")?;
         let (loaded, root) = (self.cloud.in_force(Some(version)), self.opened()?.root().to_owned());
         let (store, labels) = (Arc::clone(&self.store), labels.to_vec());
@@ -23,14 +26,7 @@ impl Session {
                 Some(loaded) => loaded,
                 None => load_cloud(&root, version, &link.progress)?,
             };
-            let (depth, own) = (store.depth(&frame)?, mask_of(&project, number)?);
-            let mut voted = voted_mask((&cloud, &votes), (number, &frame), depth.as_deref(), &own, &labels)?;
-            for (id, own) in voted.ids.iter_mut().zip(&own.ids) {
-                // A label that was taken out since the vote stays out.
-                if *id != LabelId::NONE && project.labels.get(*id).is_none() {
-                    *id = *own;
-                }
-            }
+            let (_, voted) = by_vote((&project, &store), (&cloud, &votes), number, &labels)?;
             Ok(Box::new(move |session: &mut Self| {
                 let now = session.snapshot()?;
                 ensure!(
@@ -41,4 +37,23 @@ impl Session {
             }) as Landing)
         }))
     }
+}
+
+/// The mask of a frame, and that which the vote of all frames gives it, for some labels or (none named) for all.
+pub(in crate::session) fn by_vote(
+    (project, store): (&Project, &FrameStore),
+    cloud: (&LabelledCloud, &Votes),
+    number: usize,
+    labels: &[LabelId],
+) -> Result<(LabelMask, LabelMask)> {
+    let frame = project.frame(number)?;
+    let (depth, own) = (store.depth(frame)?, mask_of(project, number)?);
+    let mut voted = voted_mask(cloud, (number, frame), depth.as_deref(), &own, labels)?;
+    for (id, own) in voted.ids.iter_mut().zip(&own.ids) {
+        // A label that was taken out since the vote stays out.
+        if *id != LabelId::NONE && project.labels.get(*id).is_none() {
+            *id = *own;
+        }
+    }
+    Ok((own, voted))
 }

@@ -37,6 +37,7 @@ mod undistorted;
 mod undo;
 mod voted_before;
 
+pub(super) use accept::by_vote;
 pub(super) use choice::LabelChoice;
 use folders::make_folder_of;
 pub(super) use instances::{FoundInstances, found_instances};

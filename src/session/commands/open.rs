@@ -44,7 +44,8 @@ impl Session {
         self.hover(None);
         // Results are known by number, and every project counts its own.
         (self.cloud, self.surfaces, self.proposed) = Default::default();
-        (self.sparse, self.growing, self.doubts, self.measuring) = Default::default();
+        (self.sparse, self.growing, self.measuring) = Default::default();
+        (self.doubts, self.contradicted) = Default::default();
         self.suggestions.clear();
         self.grounding = None;
         self.interactions = 0;
