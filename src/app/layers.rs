@@ -35,17 +35,18 @@ pub(super) fn layer_ui(ui: &mut Ui, view: &mut ViewState) {
     choice.response.on_hover_text(tip).accessible_name("Shown layer");
 }
 
-/// What the colours of the ramp stand for, in the picture's lower left corner.
-pub(super) fn legend(ui: &Ui, map: &CanvasMap, range: [f32; 2]) {
+/// What the colours of the ramp stand for, in the picture's lower left corner, under a title.
+pub(super) fn legend(ui: &Ui, map: &CanvasMap, title: &str, range: [f32; 2]) {
     const SIZE: Vec2 = Vec2::new(14.0, 120.0);
+    const TITLE: f32 = 20.0;
     let painter = ui.painter_at(map.pane);
     let corner = map.pane.left_bottom() + Vec2::new(14.0, -14.0);
     let bar = Rect::from_min_size(corner - Vec2::new(0.0, SIZE.y), SIZE);
-    painter.rect_filled(
-        bar.expand2(Vec2::new(8.0, 10.0)).with_max_x(bar.max.x + 62.0),
-        4.0,
-        Color32::from_black_alpha(170),
-    );
+    let title = painter.layout_no_wrap(title.into(), FontId::proportional(12.0), Color32::WHITE);
+    let back = bar.expand2(Vec2::new(8.0, 10.0)).with_min_y(bar.min.y - TITLE - 10.0);
+    let back = back.with_max_x(bar.max.x + 62.0).union(Rect::from_min_size(back.min, title.size() + Vec2::splat(16.0)));
+    painter.rect_filled(back, 4.0, Color32::from_black_alpha(170));
+    painter.galley(bar.left_top() - Vec2::new(0.0, TITLE), title, Color32::WHITE);
     for step in 0..SIZE.y as usize {
         let [r, g, b] = ramp(step as f32 / SIZE.y);
         let y = bar.max.y - step as f32 - 0.5;

@@ -86,7 +86,11 @@ fn layer(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, ma
         Some(Ok(Some(drawn))) => {
             paint::texture(&ui.painter_at(map.pane), map, textures.picture(ui.ctx(), &drawn.image).id());
             if let Some(range) = drawn.range {
-                legend(ui, map, range);
+                let title = match view.layer {
+                    Layer::Depth => format!("Depth, {}", look.unit.sign()),
+                    other => other.text().into(),
+                };
+                legend(ui, map, &title, range);
             }
         }
         Some(Ok(None)) => {

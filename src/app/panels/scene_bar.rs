@@ -93,18 +93,23 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
     });
 }
 
+/// What colours show, in a word.
+pub(super) fn coloring_text(coloring: Coloring) -> &'static str {
+    COLORINGS.iter().find(|(known, ..)| *known == coloring).map_or("Colour", |(_, text, _)| text)
+}
+
 /// What colours show; of labels, at which level of their tree.
 fn coloring_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
-    let text = COLORINGS.iter().find(|(coloring, ..)| *coloring == view.coloring).map_or("Colour", |(_, text, _)| text);
-    let choice = ComboBox::from_id_salt("coloring").selected_text(text).width(92.0).show_ui(ui, |ui| {
-        for (coloring, text, tip) in COLORINGS {
-            let is_known = !coloring.needs_votes() || (look.votes.is_some() && view.shown == Shown::Points);
-            ui.add_enabled_ui(is_known, |ui| {
-                let choice = ui.selectable_value(&mut view.coloring, coloring, text).on_hover_text(tip);
-                choice.on_disabled_hover_text("Known for the points of a cloud that this project voted on");
-            });
-        }
-    });
+    let choice =
+        ComboBox::from_id_salt("coloring").selected_text(coloring_text(view.coloring)).width(92.0).show_ui(ui, |ui| {
+            for (coloring, text, tip) in COLORINGS {
+                let is_known = !coloring.needs_votes() || (look.votes.is_some() && view.shown == Shown::Points);
+                ui.add_enabled_ui(is_known, |ui| {
+                    let choice = ui.selectable_value(&mut view.coloring, coloring, text).on_hover_text(tip);
+                    choice.on_disabled_hover_text("Known for the points of a cloud that this project voted on");
+                });
+            }
+        });
     choice.response.on_hover_text("What colours show").accessible_name("Colour by");
     let tree = labels_of(look);
     let deepest = tree.iter().map(|label| tree.depth(label.id)).max().unwrap_or(0);

@@ -1,6 +1,7 @@
 use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Stroke, Ui, Vec2};
 use glam::Vec3;
 
+use super::scene_bar::coloring_text;
 use crate::app::ViewState;
 use crate::scene::measure::{Dimension, LengthUnit};
 use crate::view::{Coloring, ViewCamera, ramp};
@@ -30,8 +31,8 @@ pub(super) fn marks(
     if view.prefs.scene.axes {
         axes(&painter, rect.right_bottom() + Vec2::new(-46.0, -46.0), camera, ink);
     }
-    if let Some(ends) = legend_ends(view.coloring, range) {
-        legend(&painter, rect.left_bottom() + Vec2::new(12.0, -34.0), ends, ink);
+    if let Some(ends) = legend_ends(view.coloring, unit, range) {
+        legend(&painter, rect.left_bottom() + Vec2::new(12.0, -34.0), (coloring_text(view.coloring), ends), ink);
     }
 }
 
@@ -93,16 +94,16 @@ fn axes(painter: &Painter, middle: Pos2, camera: &ViewCamera, ink: Color32) {
 }
 
 /// What the ends of the ramp are called.
-fn legend_ends(coloring: Coloring, range: Option<[f32; 2]>) -> Option<[String; 2]> {
+fn legend_ends(coloring: Coloring, unit: LengthUnit, range: Option<[f32; 2]>) -> Option<[String; 2]> {
     let [low, high] = range?;
     Some(match coloring {
         Coloring::Confidence | Coloring::Conflict => [low, high].map(|share| format!("{:.0} %", share * 100.0)),
-        Coloring::Views => [format!("{low:.0}"), format!("{high:.0} views")],
-        _ => [low, high].map(|value| format!("{value:.3}")),
+        Coloring::Views => [low, high].map(|views| format!("{views:.0}")),
+        _ => [low, high].map(|height| unit.text(f64::from(height), Dimension::Length)),
     })
 }
 
-fn legend(painter: &Painter, corner: Pos2, ends: [String; 2], ink: Color32) {
+fn legend(painter: &Painter, corner: Pos2, (title, ends): (&str, [String; 2]), ink: Color32) {
     const STEPS: u32 = 32;
     let bar = Rect::from_min_size(corner, Vec2::new(120.0, 8.0));
     let mut mesh = Mesh::default();
@@ -119,10 +120,12 @@ fn legend(painter: &Painter, corner: Pos2, ends: [String; 2], ink: Color32) {
         }
     }
     painter.add(mesh);
+    let font = FontId::proportional(11.0);
+    painter.text(bar.left_top() - Vec2::new(0.0, 3.0), Align2::LEFT_BOTTOM, title, font.clone(), ink);
     let [low, high] = ends;
     let y = bar.bottom() + 3.0;
     for (x, align, text) in [(bar.left(), Align2::LEFT_TOP, low), (bar.right(), Align2::RIGHT_TOP, high)] {
-        painter.text(Pos2::new(x, y), align, text, FontId::proportional(11.0), ink);
+        painter.text(Pos2::new(x, y), align, text, font.clone(), ink);
     }
 }
 
