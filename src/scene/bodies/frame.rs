@@ -1,4 +1,4 @@
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec2;
 
@@ -30,6 +30,17 @@ pub struct FrameBodies {
     focal_px: f32,
     /// The voxel that each pixel sees.
     seen: Vec<Option<u32>>,
+    /// The clicks answered last, in order: most are asked again with one more.
+    answered: Mutex<Vec<Answered>>,
+}
+
+/// A click after others.
+struct Answered {
+    click: Click,
+    /// `None` where no known surface lies near it.
+    given: Option<VoxelClick>,
+    /// What it and those before it ask for; `None` where no answer is a thing.
+    region: Option<Arc<Region>>,
 }
 
 impl FrameBodies {
@@ -52,25 +63,55 @@ impl FrameBodies {
         let voxel = |at: usize| surfaces.voxels.at(world(full.point(at)?));
         let seen = (0..image.pixels.len()).map(voxel).collect();
         let (depths, focal_px) = (full.depth.depths.clone(), view.stand.camera.focal_px.x as f32);
-        Ok(Self { surfaces, picture, image: image.clone(), depths, tolerance, options, focal_px, seen })
+        Ok(Self {
+            surfaces,
+            picture,
+            image: image.clone(),
+            depths,
+            tolerance,
+            options,
+            focal_px,
+            seen,
+            answered: Mutex::default(),
+        })
     }
 
     /// The pixels that clicks ask for; `None` where no include click lies near a known surface, or on something thin.
     fn solid(&self, clicks: &[Click]) -> Option<Region> {
-        let mut region = Region::empty(self.image.width, self.image.height);
-        let mut given: Vec<VoxelClick> = Vec::new();
-        for click in clicks {
-            let Some((at, voxel)) = self.surface_at(click) else { continue };
-            let from = if click.include { &region.inverted() } else { &region };
-            let depth_px = (squared_depth_in(from)[at] as f32).sqrt();
-            let is_first = click.include && region.is_empty();
-            let depth = if is_first { f32::INFINITY } else { depth_px * self.depths[at] / self.focal_px };
-            given.push(VoxelClick { voxel, include: click.include, depth });
-            if given.iter().any(|click| click.include) {
-                region = self.region(&self.surfaces.answer(&given)?);
-            }
+        let kept = || self.answered.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut answered = std::mem::take(&mut *kept());
+        let known = answered.iter().zip(clicks).take_while(|(answered, click)| answered.click == **click).count();
+        for (at, &click) in clicks.iter().enumerate().skip(known) {
+            answered.truncate(at);
+            let next = self.next(&answered, click);
+            answered.push(next);
         }
-        self.is_broad(&region).then_some(region)
+        let region = answered[..clicks.len()].last().and_then(|last| last.region.clone());
+        *kept() = answered;
+        region.filter(|region| self.is_broad(region)).map(Arc::unwrap_or_clone)
+    }
+
+    /// What a further click asks for.
+    fn next(&self, before: &[Answered], click: Click) -> Answered {
+        let region = before.last().map_or_else(|| Some(self.nothing()), |last| last.region.clone());
+        let Some((region, (at, voxel))) = region.clone().zip(self.surface_at(&click)) else {
+            return Answered { click, given: None, region };
+        };
+        let from = if click.include { &region.inverted() } else { &region };
+        let depth_px = (squared_depth_in(from)[at] as f32).sqrt();
+        let is_first = click.include && region.is_empty();
+        let depth = if is_first { f32::INFINITY } else { depth_px * self.depths[at] / self.focal_px };
+        let given = VoxelClick { voxel, include: click.include, depth };
+        let all: Vec<VoxelClick> = before.iter().filter_map(|before| before.given).chain([given]).collect();
+        let region = match all.iter().any(|given| given.include) {
+            true => self.surfaces.answer(&all).map(|voxels| Arc::new(self.region(&voxels))),
+            false => Some(region),
+        };
+        Answered { click, given: Some(given), region }
+    }
+
+    fn nothing(&self) -> Arc<Region> {
+        Arc::new(Region::empty(self.image.width, self.image.height))
     }
 
     fn is_broad(&self, region: &Region) -> bool {
