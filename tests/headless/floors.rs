@@ -113,7 +113,8 @@ fn the_demo_by_true_masks_on_the_anchors() {
     assert!(labels.accuracy >= 0.98, "{}", labels.accuracy);
 }
 
-/// Four objects of a real shelf, two clicks each on the frame that shows most of it. The aim is 0.75 and 0.60.
+/// Four objects of a real shelf, two clicks each, all on the frame that shows every one of them well: a frame that was clicked
+/// is an anchor, which trackers add nothing to.
 #[test]
 fn the_shelf_by_two_clicks_an_object() {
     let Some(data) = data_dir() else { return };
@@ -123,10 +124,10 @@ fn the_shelf_by_two_clicks_an_object() {
     perform(&mut session, new_project(&data, &dir.path().join("shelf"))).unwrap();
     let truths: Vec<LabelMask> =
         (0..15).map(|frame| read_palette_png(&shelf.join(format!("labels/{frame:06}.png"))).unwrap()).collect();
-    for id in (1..=4).map(LabelId) {
+    let clicked = shows_all(&truths);
+    for id in OBJECTS {
         perform(&mut session, Command::AddLabel { name: id.0.to_string(), parent: None, color: None }).unwrap();
-        let best = (0..truths.len()).max_by_key(|&frame| truths[frame].region(id).area()).unwrap();
-        click_twice(&mut session, best, id, &truths[best].region(id));
+        click_twice(&mut session, clicked, id, &truths[clicked].region(id));
     }
     perform(&mut session, track()).unwrap();
     perform(&mut session, Command::Fuse(FuseRequest::default())).unwrap();
@@ -139,10 +140,22 @@ fn the_shelf_by_two_clicks_an_object() {
         result.region(id).iou(&truths[frame].region(id))
     };
     let of_object = |id| (0..truths.len()).map(|frame| iou(frame, id)).sum::<f64>() / truths.len() as f64;
-    let masks: Vec<f64> = (1..=4).map(|id| of_object(LabelId(id))).collect();
-    println!("shelf by two clicks an object: 3-D {:?}, masks {masks:.3?}", labels.iou);
-    assert!(labels.mean_iou >= 0.69, "3-D IoU {}", labels.mean_iou);
-    assert!(masks.iter().sum::<f64>() / 4.0 >= 0.55, "mask IoU {masks:?}");
+    let masks = OBJECTS.map(of_object);
+    println!("shelf by two clicks an object on frame {clicked}: 3-D {:?}, masks {masks:.3?}", labels.iou);
+    assert!(labels.mean_iou >= 0.77, "3-D IoU {}", labels.mean_iou);
+    assert!(masks.iter().sum::<f64>() / 4.0 >= 0.67, "mask IoU {masks:?}");
+}
+
+const OBJECTS: [LabelId; 4] = [LabelId(1), LabelId(2), LabelId(3), LabelId(4)];
+
+/// The frame on which no object is much smaller than where it is largest.
+fn shows_all(truths: &[LabelMask]) -> usize {
+    let areas: Vec<[usize; 4]> = truths.iter().map(|truth| OBJECTS.map(|id| truth.region(id).area())).collect();
+    let largest = [0, 1, 2, 3].map(|object| areas.iter().map(|areas| areas[object]).max().unwrap());
+    let least = |frame: usize| {
+        areas[frame].iter().zip(largest).map(|(&area, largest)| area as f64 / largest as f64).fold(1.0, f64::min)
+    };
+    (0..truths.len()).max_by(|&a, &b| least(a).total_cmp(&least(b))).unwrap()
 }
 
 /// Two clicks of the robot user on one frame.
