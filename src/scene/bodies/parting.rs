@@ -19,6 +19,8 @@ const BORDER_SIDES: f32 = 1.5;
 /// How far the part that an exclude click means reaches towards the include clicks, in distances from the click to the rim
 /// of the answer: who clicks on what is wrong clicks in its middle.
 const EXCLUDED_REACH: f32 = 1.5;
+/// Exclude clicks at least this deep, as a share of the deepest, part two things; the others put a border right.
+const PARTING_SHARE: f32 = 0.5;
 /// How far the part that a further include click means reaches, in distances from the click to the answer.
 const INCLUDED_REACH: f32 = 2.0;
 
@@ -55,15 +57,24 @@ impl Parting {
         Self { parts, trees, ways }
     }
 
-    /// The voxels that clicks may mean, one answer for each tree and strength.
+    /// The voxels that clicks may mean, one answer for each tree, strength and way to take out what exclude clicks mean: as far
+    /// as they reach, and all that hangs together with them more than with the include clicks.
     pub fn answers(&self, clicks: &[VoxelClick]) -> Vec<VoxelSet> {
         let around: Vec<Around> = clicks.iter().map(|click| self.around(click)).collect();
         let mut near = vec![f32::INFINITY; self.parts.len()];
         for included in around.iter().filter(|around| around.click.include) {
             near.iter_mut().zip(&included.ways).for_each(|(near, way)| *near = near.min(*way));
         }
-        let things = self.trees.iter().flat_map(|tree| LEAST_STRENGTHS.map(|least| (tree, least)));
-        things.map(|(tree, least)| self.voxels(&taken(tree, least, &around, &near))).collect()
+        let excluded = || around.iter().filter(|around| !around.click.include);
+        let deepest = excluded().map(|around| around.click.depth).fold(0.0, f32::max);
+        let parting = excluded().filter(|around| around.click.depth >= PARTING_SHARE * deepest);
+        let parting: Vec<u32> = parting.map(|around| around.part).collect();
+        let apart: &[&[u32]] = if parting.is_empty() { &[&[]] } else { &[&[], &parting] };
+        let things = self.trees.iter().flat_map(|tree| apart.iter().map(move |apart| (tree, tree.around(apart))));
+        let taken = |(tree, closed): (&Tree, Vec<bool>)| {
+            LEAST_STRENGTHS.map(|least| self.voxels(&taken(|part| tree.thing(part, least, &closed), &around, &near)))
+        };
+        things.flat_map(taken).collect()
     }
 
     fn voxels(&self, inside: &[bool]) -> VoxelSet {
@@ -110,11 +121,12 @@ struct Around {
     ways: Vec<f32>,
 }
 
-/// Which supervoxels clicks take; `near` are the shortest ways to the include clicks.
-fn taken(tree: &Tree, least_strength: f32, clicks: &[Around], near: &[f32]) -> Vec<bool> {
+/// Which supervoxels clicks take; `thing` gives those of the thing that one belongs to, `near` are the shortest ways to the
+/// include clicks.
+fn taken(thing: impl Fn(u32) -> Vec<u32>, clicks: &[Around], near: &[f32]) -> Vec<bool> {
     let mut inside = vec![false; near.len()];
     for Around { click, part, ways } in clicks.iter().filter(|around| around.click.include) {
-        for part in tree.thing(*part, least_strength) {
+        for part in thing(*part) {
             inside[part as usize] |= ways[part as usize] <= INCLUDED_REACH * click.depth;
         }
     }

@@ -50,7 +50,8 @@ impl Surfaces {
         let answers: Vec<VoxelSet> =
             self.partings.par_iter().flat_map_iter(|parting| parting.answers(clicks)).collect();
         let mut answers: Vec<VoxelSet> = answers.into_iter().filter(|answer| answer.len() <= most).collect();
-        let likeness = |answer: &VoxelSet| answers.iter().map(|other| answer.iou(other)).sum::<f32>();
+        // Squared, so that many which are nearly the same outweigh many more that are a little alike.
+        let likeness = |answer: &VoxelSet| answers.iter().map(|other| answer.iou(other).powi(2)).sum::<f32>();
         let likenesses: Vec<f32> = answers.par_iter().map(likeness).collect();
         let best = (0..answers.len()).max_by(|&a, &b| likenesses[a].total_cmp(&likenesses[b]))?;
         Some(answers.swap_remove(best))

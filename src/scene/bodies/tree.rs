@@ -91,18 +91,31 @@ impl Tree {
     }
 
     /// The supervoxels of the thing that one belongs to: the largest body around it before it would be joined to another one
-    /// of like size over a border of `least_strength`.
-    pub fn thing(&self, part: u32, least_strength: f32) -> Vec<u32> {
+    /// of like size over a border of `least_strength`, or part of a `closed` one.
+    pub fn thing(&self, part: u32, least_strength: f32, closed: &[bool]) -> Vec<u32> {
         let mut body = part;
         loop {
             let parent = self.parents[body as usize];
             let beside = self.sizes[parent as usize] - self.sizes[body as usize];
             let is_like = beside as f32 >= LEAST_SHARE * self.sizes[body as usize] as f32;
-            if parent == body || self.strengths[parent as usize] >= least_strength && is_like {
+            let is_other = self.strengths[parent as usize] >= least_strength && is_like;
+            if parent == body || closed[parent as usize] || is_other {
                 return self.parts(body);
             }
             body = parent;
         }
+    }
+
+    /// Which bodies some supervoxels are part of.
+    pub fn around(&self, parts: &[u32]) -> Vec<bool> {
+        let mut around = vec![false; self.parents.len()];
+        for &part in parts {
+            let mut body = part as usize;
+            while !std::mem::replace(&mut around[body], true) {
+                body = self.parents[body] as usize;
+            }
+        }
+        around
     }
 
     fn parts(&self, body: u32) -> Vec<u32> {
@@ -145,5 +158,35 @@ impl Joining {
         for (other, between) in around {
             self.add([other, joined], between);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::scene::bodies::border::Border;
+
+    #[test]
+    fn a_thing_ends_where_something_else_would_join_it() {
+        // Four in a row; the two on each side are alike, and all are joined in the end.
+        let border = |a, color| Border { a, b: a + 1, length: 1.0, bend_deg: 0.0, color };
+        let parts = Supervoxels {
+            of_voxel: vec![0, 1, 2, 3],
+            places: (0..4).map(|x| Vec3::X * x as f32).collect(),
+            sizes: vec![1; 4],
+            borders: vec![border(0, 1.0), border(1, 9.0), border(2, 2.0)],
+        };
+        let tree = Tree::of(&parts, Judgement { groove_deg: 30.0, color: 80.0 });
+        let thing = |least: f32, apart: &[u32]| {
+            let mut thing = tree.thing(0, least, &tree.around(apart));
+            thing.sort_unstable();
+            thing
+        };
+        assert_eq!(thing(0.8, &[]), [0, 1, 2, 3]);
+        assert_eq!(thing(0.8, &[3]), [0, 1], "what 3 is in stays away, and with it what hangs together with 3");
+        assert_eq!(thing(0.8, &[1]), [0]);
+        assert_eq!(thing(0.05, &[]), [0, 1], "the border in the middle is clear enough");
     }
 }
