@@ -14,6 +14,7 @@ mod perform;
 mod prefs;
 mod presence;
 mod ranges;
+mod rest;
 mod scene_look;
 mod shell;
 mod shortcuts;

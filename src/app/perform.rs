@@ -85,6 +85,11 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
 
 fn choose_points(view: &mut ViewState) {
     view.scene_select.in_hand = !view.scene_select.in_hand;
+    show_scene(view);
+}
+
+/// Shows the 3-D view where it is hidden.
+fn show_scene(view: &mut ViewState) {
     if view.prefs.panes == Panes::Picture {
         view.prefs.panes = Panes::Both;
     }
@@ -94,7 +99,10 @@ fn find_in_scene(look: &Look<'_>, view: &mut ViewState) {
     let (Some(cloud), Some(votes), Some(at_px)) = (look.cloud, look.votes, view.pointer_px) else { return };
     view.asked = Asked::seen_at(cloud, votes, view.frame, at_px);
     match view.asked {
-        Some(_) => view.scene_wish = Some(SceneWish::ShowAsked),
+        Some(_) => {
+            show_scene(view);
+            view.scene_wish = Some(SceneWish::ShowAsked);
+        }
         None => view.note = "No point of the cloud is seen here".into(),
     }
 }

@@ -3,12 +3,13 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::canvas::{Draft, Rest, Tool, ZoomState};
+use super::canvas::{Draft, Tool, ZoomState};
 use super::dialogs::{
     ExportForm, ModelsForm, NewProjectForm, PathPicker, PictureForm, PictureWish, RelocateForm, SheetState,
 };
 use super::panels::{Asked, LabelEditing, MatchView, MeasureView, PointCounts, Ruler, SceneSelect, Words};
 use super::presence::Presence;
+use super::rest::Rest;
 use super::{Look, Notices, Prefs, SceneLook};
 use crate::masks::{Direction, LabelId, MaskFormat};
 use crate::session::{FuseRequest, InstancesRequest, PromptRequest, ReconstructRequest, Surface, TrackSettings};

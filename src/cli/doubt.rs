@@ -28,7 +28,7 @@ pub(super) fn doubt(args: &DoubtArgs) -> Result<()> {
             json!({ "frame": frame, "name": frames[frame].name, "share": doubt.share(), "against": doubt.against,
                 "compared": doubt.compared })
         };
-        say(&format!("{}\n", json!(ranked.into_iter().map(row).collect::<Vec<_>>())));
+        say(&format!("{}\n", json!({ "frames": ranked.into_iter().map(row).collect::<Vec<_>>() })));
         return Ok(());
     }
     say("contradicted   of pixels  frame\n");

@@ -4,9 +4,12 @@ use std::sync::Arc;
 use super::commands::by_vote;
 use super::jobs::{Kind, Landing};
 use super::store::version_in_force;
-use super::{JobId, ResultKind, Session};
-use crate::masks::{Region, RunMask};
+use super::{JobId, Project, ResultKind, Session};
+use crate::frames::{Frame, FrameStore};
+use crate::masks::{LabelId, Region, RunMask};
+use crate::scene::LabelledCloud;
 use crate::scene::doubt::contradiction;
+use crate::scene::fuse::Votes;
 
 /// Where the vote of all contradicts the mask of one frame.
 #[derive(Default)]
@@ -17,24 +20,48 @@ pub(super) struct Contradicted {
     job: Option<JobId>,
 }
 
-/// What is compared: a frame's mask with a version of the cloud.
+/// What the answer depends on.
 #[derive(Clone)]
 struct Compared {
     frame: usize,
     mask: Arc<RunMask>,
+    /// Of the cloud.
     version: u64,
+    labels: Vec<LabelId>,
+    frames: Arc<Vec<Frame>>,
 }
 
 impl Compared {
+    /// A frame's mask as it is now, and the cloud in force; `None` where one is missing.
+    fn now(project: &Project, frame: usize) -> Option<Self> {
+        let (mask, version) = project.mask_in_play(frame).zip(version_in_force(project, ResultKind::Cloud))?;
+        let labels = project.labels.iter().map(|label| label.id).collect();
+        Some(Self { frame, mask, version, labels, frames: Arc::clone(&project.frames) })
+    }
+
     fn is(&self, other: &Self) -> bool {
-        (self.frame, self.version) == (other.frame, other.version)
+        (self.frame, self.version, &self.labels) == (other.frame, other.version, &other.labels)
+            && Arc::ptr_eq(&self.frames, &other.frames)
             && (Arc::ptr_eq(&self.mask, &other.mask) || self.mask == other.mask)
+    }
+
+    /// Where accepting the vote would give the frame other labels, those hidden on it left aside.
+    fn contradiction(
+        &self,
+        project: &Project,
+        store: &FrameStore,
+        cloud: (&LabelledCloud, &Votes),
+    ) -> anyhow::Result<Region> {
+        let voted = Arc::new(RunMask::encode(&by_vote((project, store), cloud, self.frame, &[])?));
+        let voted = project.in_play(self.frame, &project.with_locks(self.frame, voted));
+        Ok(contradiction(&self.mask.decode(), &voted.decode()))
     }
 }
 
 impl Session {
-    /// The pixels of a frame whose label the vote of all contradicts, and not only because a border lies a little aside: what
-    /// accepting the vote would change. It is worked out in the background when it is first asked for; `None` until then.
+    /// The pixels of a frame to which accepting the vote of all would give another label, but for borders that lie a little
+    /// aside. It is worked out in the background when it is first asked for and when the mask, the cloud or the tree of labels
+    /// changed, one frame at a time; by then it tells of those before. `None` until it is there.
     #[must_use]
     pub fn contradicted(&self, frame: usize) -> Option<&Arc<Region>> {
         self.contradicted.wanted.set(Some(frame));
@@ -42,26 +69,30 @@ impl Session {
         self.contradicted.answer.as_ref().filter(|_| same)
     }
 
-    /// Starts to look for what was asked for, in the place of what was asked for before.
+    /// Starts to look for what was asked for, unless something else is being looked for.
     pub(super) fn contradict_wanted(&mut self) {
-        let (Some(number), Ok(project)) = (self.contradicted.wanted.take(), self.snapshot()) else { return };
-        let version = version_in_force(&project, ResultKind::Cloud);
-        let wanted = project.mask_in_play(number).zip(version);
-        let wanted = wanted.map(|(mask, version)| Compared { frame: number, mask, version });
-        let (Some(wanted), Some((cloud, votes))) = (wanted, self.cloud.in_force(version)) else { return };
-        if self.contradicted.of.as_ref().is_some_and(|of| of.is(&wanted)) {
+        let is_comparing = |id| self.jobs.iter().any(|job| job.id == id && !job.has_ended());
+        if self.contradicted.job.is_some_and(is_comparing) {
             return;
         }
-        if let Some(job) = self.contradicted.job.take() {
-            self.stop(job);
+        let (Some(number), Ok(project)) = (self.contradicted.wanted.take(), self.snapshot()) else { return };
+        let Some(now) = Compared::now(&project, number) else {
+            self.contradicted = Contradicted::default();
+            return;
+        };
+        let Some((cloud, votes)) = self.cloud.in_force(Some(now.version)) else { return };
+        if self.contradicted.of.as_ref().is_some_and(|of| of.is(&now)) {
+            return;
         }
-        (self.contradicted.answer, self.contradicted.of) = (None, Some(wanted.clone()));
+        if self.contradicted.of.as_ref().is_none_or(|of| of.frame != number) {
+            self.contradicted.answer = None;
+        }
+        self.contradicted.of = Some(now.clone());
         let store = Arc::clone(&self.store);
         self.contradicted.job = Some(self.start("contradicted", Kind::Background, move |_| {
-            let (own, voted) = by_vote((&project, &store), (&cloud, &votes), number, &[])?;
-            let answer = Arc::new(contradiction(&own, &voted));
+            let answer = Arc::new(now.contradiction(&project, &store, (&cloud, &votes))?);
             Ok(Box::new(move |session: &mut Self| {
-                if session.contradicted.of.as_ref().is_some_and(|of| of.is(&wanted)) {
+                if session.contradicted.of.as_ref().is_some_and(|of| of.is(&now)) {
                     session.contradicted.answer = Some(answer);
                 }
                 Ok(())

@@ -57,10 +57,15 @@ impl Project {
     /// A frame's mask without the labels that are hidden there: what is drawn, voted and exported.
     #[must_use]
     pub fn mask_in_play(&self, frame: usize) -> Option<Arc<RunMask>> {
-        let runs = &self.masks.get(&frame)?.runs;
+        Some(self.in_play(frame, &self.masks.get(&frame)?.runs))
+    }
+
+    /// `runs` without the labels that are hidden on a frame.
+    #[must_use]
+    pub fn in_play(&self, frame: usize, runs: &Arc<RunMask>) -> Arc<RunMask> {
         let hidden = self.marked(|marks| marks.hidden.contains(frame));
         let shown = |id: LabelId| if hidden.contains(&id) { LabelId::NONE } else { id };
-        Some(if hidden.is_empty() { Arc::clone(runs) } else { Arc::new(runs.map_ids(shown)) })
+        if hidden.is_empty() { Arc::clone(runs) } else { Arc::new(runs.map_ids(shown)) }
     }
 
     /// Masks without the labels that are hidden, by frame.

@@ -28,19 +28,13 @@ pub(super) enum Arrival {
 }
 
 impl Arranging {
-    /// Begins; the arrangement `before` serves again if its points lie in the same places. The work has threads of its own,
-    /// half as many as the machine: in the pool of the program's jobs it would stand behind them.
+    /// Begins; the arrangement `before` serves again if its points lie in the same places.
     pub fn begin(cloud: Arc<LabelledCloud>, before: Option<Arranged>) -> Self {
         let (sender, arrived) = channel();
         let wanted = Arc::new(());
         let is_wanted = Arc::downgrade(&wanted);
         // An error says that nobody waits any more.
-        let work = move || arrange(&cloud, before, &sender, &is_wanted).unwrap_or_default();
-        let threads = std::thread::available_parallelism().map_or(1, |all| all.get().div_ceil(2));
-        match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
-            Ok(pool) => pool.spawn(work),
-            Err(_) => rayon::spawn(work),
-        }
+        beside_jobs(move || arrange(&cloud, before, &sender, &is_wanted).unwrap_or_default());
         Self { arrived, _wanted: wanted }
     }
 
@@ -51,6 +45,15 @@ impl Arranging {
             Err(TryRecvError::Empty) => Arrival::NotYet,
             Err(TryRecvError::Disconnected) => Arrival::Over,
         }
+    }
+}
+
+/// Works on threads of its own, half as many as the machine's: in the pool of the program's jobs it would stand behind them.
+pub(super) fn beside_jobs(work: impl FnOnce() + Send + 'static) {
+    let threads = std::thread::available_parallelism().map_or(1, |all| all.get().div_ceil(2));
+    match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+        Ok(pool) => pool.spawn(work),
+        Err(_) => rayon::spawn(work),
     }
 }
 

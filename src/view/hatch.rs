@@ -13,11 +13,14 @@ pub fn hatch(region: &Region) -> Vec<[u8; 4]> {
     let (width, height) = (region.width as usize, region.height as usize);
     let is_inside = |x: usize, y: usize| x < width && y < height && region.inside[y * width + x];
     let color = |(at, &inside): (usize, &bool)| {
+        if !inside {
+            return [0; 4];
+        }
         let (x, y) = (at % width, at / width);
         let around = [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
         let is_border = around.into_iter().any(|(x, y)| !is_inside(x, y));
         let [r, g, b] = COLOR;
-        if inside && (is_border || (x + y) % period < period / 2) { [r, g, b, 255] } else { [0; 4] }
+        if is_border || (x + y) % period < period / 2 { [r, g, b, 255] } else { [0; 4] }
     };
     region.inside.iter().enumerate().map(color).collect()
 }

@@ -157,7 +157,7 @@ fn the_point_asked_about_is_marked_as_large_from_near_as_from_far() {
 
 #[test]
 fn the_point_under_the_resting_pointer_tells_its_label() {
-    const TIP: &str = "90 % of the votes; click for who voted what";
+    const TIP: &str = "90 % of the votes";
     let mut harness = shown();
     let cloud = harness.state().cloud.clone().unwrap();
     let point = (0..cloud.len()).find(|&point| cloud.labels[point] == LabelId(2)).unwrap();
@@ -179,6 +179,15 @@ fn the_point_under_the_resting_pointer_tells_its_label() {
     let names: Vec<&str> = tree.path(LabelId(2)).iter().map(|&id| tree.get(id).unwrap().name.as_str()).collect();
     let path = names.join(" › ");
     assert!(harness.query_all_by_label(&path).next().is_some(), "{path}");
+    harness.state_mut().shell.view.ruler.in_hand = true;
+    harness.run_steps(3);
+    assert!(!tells(&mut harness), "a click would measure");
+    harness.state_mut().shell.view.ruler.in_hand = false;
+    assert!((0..200).any(|_| tells(&mut harness)));
+    harness.state_mut().shell.view.hidden.insert(LabelId(2));
+    harness.run_steps(3);
+    assert!(!tells(&mut harness), "it is not seen any more");
+    harness.state_mut().shell.view.hidden.clear();
     let corner = harness.get_by_label("3-D view").rect().left_top() + Vec2::splat(8.0);
     harness.hover_at(corner);
     assert!(!(0..20).any(|_| tells(&mut harness)), "nothing lies there");

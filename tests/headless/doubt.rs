@@ -10,9 +10,9 @@ use serde_json::Value;
 use super::command_line::{Recording, done, refused};
 
 fn ranked(project: &str) -> Vec<(u64, f64)> {
-    let rows: Value = serde_json::from_str(&done(&["doubt", project, "--json"])).unwrap();
+    let told: Value = serde_json::from_str(&done(&["doubt", project, "--json"])).unwrap();
     let row = |row: &Value| (row["frame"].as_u64().unwrap(), row["share"].as_f64().unwrap());
-    rows.as_array().unwrap().iter().map(row).collect()
+    told["frames"].as_array().unwrap().iter().map(row).collect()
 }
 
 fn pixels(project: &str, frame: u32, label: u16) -> Vec<bool> {

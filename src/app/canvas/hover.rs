@@ -2,22 +2,10 @@ use egui::{Pos2, Response, Ui};
 
 use super::draft::Tool;
 use super::map::CanvasMap;
+use crate::app::rest::Rest;
 use crate::app::{Look, ViewState};
 use crate::masks::Click;
 use crate::session::PromptRequest;
-
-/// How long the pointer rests before a preview is asked for, in seconds.
-const REST_S: f64 = 0.12;
-
-/// Movements below this are a hand at rest, in screen points.
-const STILL: f32 = 2.0;
-
-/// Where on the screen the pointer rests, and since when.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rest {
-    at: Pos2,
-    since_s: f64,
-}
 
 /// Wishes to see what an include click would give where the pointer rests.
 pub(super) fn follow_pointer(ui: &Ui, response: &Response, map: &CanvasMap, look: &Look<'_>, view: &mut ViewState) {
@@ -26,15 +14,9 @@ pub(super) fn follow_pointer(ui: &Ui, response: &Response, map: &CanvasMap, look
         view.rest = None;
         return;
     };
-    let now = ui.input(|input| input.time);
-    let rest = view.rest.filter(|rest| rest.at.distance(at) < STILL).unwrap_or(Rest { at, since_s: now });
-    view.rest = Some(rest);
-    let left_s = rest.since_s + REST_S - now;
-    if left_s > 0.0 {
-        ui.ctx().request_repaint_after_secs(left_s as f32);
-        return;
+    if let Some(at) = Rest::follow(&mut view.rest, ui, at) {
+        view.hover_wish = wish_at(at, map, look, view);
     }
-    view.hover_wish = wish_at(rest.at, map, look, view);
 }
 
 /// Whether a preview helps now: with the click tool, while nothing is drawn, sent or running.

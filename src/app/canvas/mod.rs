@@ -10,7 +10,6 @@ mod prompts;
 mod toolbar;
 
 pub use draft::{Draft, Tool};
-pub use hover::Rest;
 pub use map::{CanvasMap, ZoomState};
 pub(super) use picture_pane::picture_pane_ui;
 pub(super) use prompts::{clear_label, click_at, id_at};

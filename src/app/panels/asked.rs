@@ -3,7 +3,7 @@ use std::sync::Arc;
 use egui::{Color32, Rect, Sense, Stroke, Ui, Vec2};
 use glam::{DVec2, Vec3};
 
-use crate::app::{Look, ViewState};
+use crate::app::{Look, Panes, ViewState};
 use crate::masks::{LabelId, LabelTree};
 use crate::scene::LabelledCloud;
 use crate::scene::fuse::{Voter, Votes};
@@ -131,6 +131,9 @@ pub(super) fn asked_ui(ui: &Ui, rect: Rect, camera: &ViewCamera, look: &Look<'_>
     if let Some((frame, at_px)) = to {
         view.go_to(frame);
         view.zoom.centre_px = at_px;
+        if view.prefs.panes == Panes::Scene {
+            view.prefs.panes = Panes::Both;
+        }
     }
     if !open {
         view.asked = None;

@@ -30,7 +30,7 @@ pub(in crate::app) fn doubt_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
         ui.weak(format!("and {} more", worst.len() - LISTED));
     }
     ui.checkbox(&mut view.prefs.contradictions, "Show where")
-        .on_hover_text("Stripes over the picture where the vote names another label; accepting the vote changes these");
+        .on_hover_text("Stripes over the picture where the vote names another label; accepting the vote changes these, and pixels at borders");
     ui.horizontal_wrapped(|ui| {
         let can = look.doubts.contains_key(&view.frame);
         for (action, text, enabled) in [
@@ -75,6 +75,21 @@ pub(in crate::app) fn next_worst(doubts: &BTreeMap<usize, FrameDoubt>, frame: us
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::app::Prefs;
+
+    #[test]
+    fn stripes_are_for_listed_frames_while_they_are_wanted() {
+        let doubt = |against| FrameDoubt { compared: 1000, against };
+        let doubts = BTreeMap::from([(0, doubt(300)), (1, doubt(3))]);
+        let mut view = ViewState::new(Prefs::default());
+        assert!(view.shows_contradiction(&doubts));
+        view.frame = 1;
+        assert!(!view.shows_contradiction(&doubts), "noise at borders");
+        (view.frame, view.masks_shown) = (0, false);
+        assert!(!view.shows_contradiction(&doubts));
+        (view.masks_shown, view.prefs.contradictions) = (true, false);
+        assert!(!view.shows_contradiction(&doubts));
+    }
 
     #[test]
     fn goes_down_the_list_of_the_worst_and_begins_anew() {

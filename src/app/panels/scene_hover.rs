@@ -1,45 +1,43 @@
-use std::sync::Arc;
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::collections::BTreeSet;
+use std::sync::{Arc, Weak};
 
 use egui::{Pos2, Response, Ui};
 use glam::Vec2;
 
 use super::asked::label_ui;
 use super::scene_bar::labels_of;
+use crate::app::rest::Rest;
 use crate::app::{Look, ViewState};
+use crate::masks::LabelId;
 use crate::scene::LabelledCloud;
-use crate::view::{Appearance, Clip, ViewCamera, pick_point};
+use crate::view::{Appearance, Clip, Picking, ViewCamera};
 
-/// How long the pointer rests before the point under it is looked for, in seconds.
-const REST_S: f64 = 0.15;
 /// How far a point may lie from the pointer, in points of the screen.
 const NEAR: f32 = 6.0;
 
-/// The point of the cloud under the pointer, told at the pointer. It is looked for in the background: clouds are large.
+/// The point of the cloud that the pointer rests on, told at the pointer.
 #[derive(Default)]
 pub(super) struct SceneHover {
     rest: Option<Rest>,
-    looking: Option<(Place, Receiver<Option<usize>>)>,
+    looking: Option<(Place, Picking)>,
     found: Option<(Place, Option<usize>)>,
 }
 
-/// Since when (seconds) the pointer rests at a place.
-struct Rest {
-    place: Place,
-    since_s: f64,
-}
-
-/// A pixel of a view of a cloud.
-#[derive(Clone)]
+/// A pixel of a view of a cloud, and what decides which points are seen there.
 struct Place {
     at: Pos2,
     camera: ViewCamera,
-    cloud: Arc<LabelledCloud>,
+    clip: Clip,
+    hidden: BTreeSet<LabelId>,
+    isolated: Option<LabelId>,
+    cloud: Weak<LabelledCloud>,
 }
 
 impl Place {
     fn is(&self, other: &Self) -> bool {
-        self.at == other.at && self.camera == other.camera && Arc::ptr_eq(&self.cloud, &other.cloud)
+        (self.at, self.camera, self.clip) == (other.at, other.camera, other.clip)
+            && (&self.hidden, self.isolated) == (&other.hidden, other.isolated)
+            && self.cloud.ptr_eq(&other.cloud)
     }
 }
 
@@ -53,62 +51,46 @@ impl SceneHover {
         view: &ViewState,
         (camera, clip, appearance): (&ViewCamera, &Clip, &Appearance),
     ) {
-        self.take_found();
         let (Some(at), Some(cloud)) = (response.hover_pos(), look.cloud.filter(|_| may_tell(ui, look, view))) else {
-            self.rest = None;
+            *self = Self::default();
             return;
         };
-        let place = Place { at, camera: *camera, cloud: Arc::clone(cloud) };
-        let now = ui.input(|input| input.time);
-        if !self.rest.as_ref().is_some_and(|rest| rest.place.is(&place)) {
-            self.rest = Some(Rest { place: place.clone(), since_s: now });
-        }
-        let since_s = self.rest.as_ref().map_or(now, |rest| rest.since_s);
-        if since_s + REST_S > now {
-            return ui.ctx().request_repaint_after_secs((since_s + REST_S - now) as f32);
-        }
+        self.take_found();
+        let Some(at) = Rest::follow(&mut self.rest, ui, at) else { return };
+        let (hidden, isolated) = (appearance.hidden.clone(), appearance.isolated);
+        let place = Place { at, camera: *camera, clip: *clip, hidden, isolated, cloud: Arc::downgrade(cloud) };
         match &self.found {
-            Some((of, Some(point))) if of.is(&place) => tell(response, look, cloud, *point),
-            Some((of, None)) if of.is(&place) => {}
+            Some((of, point)) if of.is(&place) => point.iter().for_each(|&point| tell(response, look, cloud, point)),
             _ if self.looking.is_none() => {
                 let at = (at - response.rect.min) * ui.pixels_per_point();
-                self.look_for(ui, place, Vec2::new(at.x, at.y), clip, appearance);
+                let near = (Vec2::new(at.x, at.y), NEAR * ui.pixels_per_point());
+                let (waker, seen) = (ui.ctx().clone(), (appearance.clone(), *clip));
+                let picking = Picking::begin(Arc::clone(cloud), *camera, near, seen, move || waker.request_repaint());
+                self.looking = Some((place, picking));
             }
             _ => {}
         }
     }
 
     fn take_found(&mut self) {
-        let Some((place, looking)) = self.looking.take() else { return };
-        match looking.try_recv() {
-            Ok(found) => self.found = Some((place, found)),
-            Err(TryRecvError::Empty) => self.looking = Some((place, looking)),
-            Err(TryRecvError::Disconnected) => {}
+        let found = self.looking.as_ref().and_then(|(_, picking)| picking.next());
+        if let (Some(point), Some((place, _))) = (found, self.looking.take_if(|_| found.is_some())) {
+            self.found = Some((place, point));
         }
-    }
-
-    fn look_for(&mut self, ui: &Ui, place: Place, at_px: Vec2, clip: &Clip, appearance: &Appearance) {
-        let (send, receive) = channel();
-        let (cloud, camera, clip, appearance) = (Arc::clone(&place.cloud), place.camera, *clip, appearance.clone());
-        let (waker, radius_px) = (ui.ctx().clone(), NEAR * ui.pixels_per_point());
-        rayon::spawn(move || {
-            // Whoever asked may be gone by now.
-            let _ = send.send(pick_point(&cloud, &camera, at_px, radius_px, &appearance, &clip));
-            waker.request_repaint();
-        });
-        self.looking = Some((place, receive));
     }
 }
 
-/// Whether the pointer is there to look: nothing is pressed or drawn, and the points shown are the cloud's.
+/// Whether the pointer is there to look: nothing is pressed or in hand, and the points shown are the cloud's.
 fn may_tell(ui: &Ui, look: &Look<'_>, view: &ViewState) -> bool {
-    let is_busy = view.scene_select.in_hand || view.scene.turning || ui.input(|input| input.pointer.any_down());
-    look.growing.is_none() && look.proposed.is_none() && view.dialog.is_none() && !is_busy
+    let in_hand = view.scene_select.in_hand || view.ruler.in_hand || ui.input(|input| input.pointer.any_down());
+    let is_still = !view.scene.turning && view.dialog.is_none();
+    look.growing.is_none() && look.proposed.is_none() && is_still && !in_hand
 }
 
 fn tell(response: &Response, look: &Look<'_>, cloud: &LabelledCloud, point: usize) {
     response.clone().on_hover_ui_at_pointer(|ui| {
         label_ui(ui, labels_of(look), cloud.labels[point]);
-        ui.weak(format!("{:.0} % of the votes; click for who voted what", 100.0 * cloud.confidence[point]));
+        let share = format!("{:.0} % of the votes", 100.0 * cloud.confidence[point]);
+        ui.weak(if look.votes.is_some() { format!("{share}; click for who voted what") } else { share });
     });
 }

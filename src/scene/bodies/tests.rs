@@ -29,6 +29,20 @@ impl PreparedFrame for Pixels {
     }
 }
 
+/// A segmenter that gives every pixel the side of the last click.
+struct Flood;
+
+impl PreparedFrame for Flood {
+    fn segment(&self, request: &SegmentRequest<'_>, _progress: &Progress) -> Result<Region, MaskError> {
+        let include = request.prompt.clicks.last().unwrap().include;
+        Ok(Region { inside: vec![include; (SIZE.0 * SIZE.1) as usize], ..Region::empty(SIZE.0, SIZE.1) })
+    }
+
+    fn bytes(&self) -> usize {
+        0
+    }
+}
+
 /// What a ray meets first: 0 nothing, 1 the table, 2 the left box, 3 the right one, 4 a wire; with its depth.
 fn seen(eye: Vec3, ray: Vec3) -> (u8, f32) {
     let boxes = [
@@ -66,11 +80,15 @@ fn view(aside: f64) -> (Viewpoint, Arc<Image>, Vec<u8>) {
 }
 
 fn frame() -> (FrameBodies, Vec<u8>) {
+    frame_over(Arc::new(Pixels))
+}
+
+fn frame_over(picture: Arc<dyn PreparedFrame>) -> (FrameBodies, Vec<u8>) {
     let seen: Vec<_> = [0.0, -0.25, -0.12, 0.12, 0.25].map(view).into();
     let ids = seen[0].2.clone();
     let views: Vec<(Viewpoint, Arc<Image>)> = seen.into_iter().map(|(view, image, _)| (view, image)).collect();
     let surfaces = Arc::new(Surfaces::of(&views, &Progress::default()).unwrap());
-    (FrameBodies::new(surfaces, &views, Arc::new(Pixels), &Progress::default()).unwrap(), ids)
+    (FrameBodies::new(surfaces, &views, picture, &Progress::default()).unwrap(), ids)
 }
 
 fn region_of(ids: &[u8], id: u8) -> Region {
@@ -146,4 +164,20 @@ fn every_click_is_on_its_side() {
         let holds = |click: &Click| found.inside[click.pixel_in(SIZE.0, SIZE.1).unwrap()] == click.include;
         assert!(clicks.iter().all(holds), "{clicks:?}");
     }
+}
+
+#[test]
+fn where_a_click_is_not_on_its_side_the_picture_changes_what_lies_at_it_only() {
+    let ((bodies, ids), (flooded, _)) = (frame(), frame_over(Arc::new(Flood)));
+    let (left, table) = (region_of(&ids, 2), region_of(&ids, 1));
+    let mut stray = click(&left, true);
+    stray.at_px.x += 6.0;
+    let clicks = [click(&left, true), click(&table, true), click(&left, false), stray];
+    let [own, answer] = [&bodies, &flooded].map(|frame| segment(frame, &clicks, None, None));
+    let is_near = |at: usize| {
+        let centre = DVec2::new((at % SIZE.0 as usize) as f64 + 0.5, (at / SIZE.0 as usize) as f64 + 0.5);
+        clicks.iter().any(|click| click.at_px.distance(centre) <= 3.0)
+    };
+    assert!((0..own.inside.len()).all(|at| own.inside[at] == answer.inside[at] || is_near(at)));
+    assert!(own != answer, "the picture had a say");
 }

@@ -26,7 +26,7 @@ impl Session {
                 Some(loaded) => loaded,
                 None => load_cloud(&root, version, &link.progress)?,
             };
-            let (_, voted) = by_vote((&project, &store), (&cloud, &votes), number, &labels)?;
+            let voted = by_vote((&project, &store), (&cloud, &votes), number, &labels)?;
             Ok(Box::new(move |session: &mut Self| {
                 let now = session.snapshot()?;
                 ensure!(
@@ -39,13 +39,13 @@ impl Session {
     }
 }
 
-/// The mask of a frame, and that which the vote of all frames gives it, for some labels or (none named) for all.
+/// The mask that the vote of all frames gives a frame, for some labels or (none named) for all.
 pub(in crate::session) fn by_vote(
     (project, store): (&Project, &FrameStore),
     cloud: (&LabelledCloud, &Votes),
     number: usize,
     labels: &[LabelId],
-) -> Result<(LabelMask, LabelMask)> {
+) -> Result<LabelMask> {
     let frame = project.frame(number)?;
     let (depth, own) = (store.depth(frame)?, mask_of(project, number)?);
     let mut voted = voted_mask(cloud, (number, frame), depth.as_deref(), &own, labels)?;
@@ -55,5 +55,5 @@ pub(in crate::session) fn by_vote(
             *id = *own;
         }
     }
-    Ok((own, voted))
+    Ok(voted)
 }
