@@ -38,6 +38,7 @@ mod prepared;
 mod project;
 mod proposed;
 mod recent;
+mod recipe;
 mod scene_requests;
 mod selected;
 #[expect(clippy::module_inception, reason = "the noun lives in a file of its name")]

@@ -18,7 +18,7 @@ use super::prepared::PreparedFrames;
 use super::selected::Selected;
 use super::surfaces::Surfaces;
 use super::{
-    Command, Edit, Event, Grounding, InstancesRequest, JobId, JobView, OpenProject, Project, ProposedInstances, Recipe,
+    Edit, Event, Grounding, InstancesRequest, JobId, JobView, OpenProject, Project, ProposedInstances, Recipe,
     SparseModel, Suggestion,
 };
 use crate::engine::nn::take_fall_backs;
@@ -130,12 +130,6 @@ impl Session {
     #[must_use]
     pub fn store(&self) -> &Arc<FrameStore> {
         &self.store
-    }
-
-    /// The commands of this session that came to an end, from the one that made or opened the project on.
-    #[must_use]
-    pub fn recipe(&self) -> &Recipe {
-        &self.recipe
     }
 
     /// How often the user clicked, boxed, painted or corrected since the session began; what was undone counts.
@@ -343,21 +337,6 @@ impl Session {
             (Kind::Background, Event::Failed { error, .. }) => self.events.push(Event::Warning(error)),
             (Kind::Background, _) => {}
             (_, event) => self.events.push(event),
-        }
-    }
-
-    /// Adds a command that was carried out to the recipe.
-    pub(super) fn record(&mut self, command: Option<Command>) {
-        match command {
-            Some(Command::Stop | Command::Model(_)) | None => {}
-            Some(command) => {
-                if matches!(command, Command::New(_) | Command::Open(_) | Command::Inspect(_) | Command::Close) {
-                    self.recipe.commands.clear();
-                }
-                if command != Command::Close {
-                    self.recipe.commands.push(command);
-                }
-            }
         }
     }
 

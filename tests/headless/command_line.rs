@@ -476,4 +476,13 @@ fn a_recipe_makes_an_equal_project() {
         info
     };
     assert_eq!(info(&by_hand), info(&by_recipe));
+    // What four calls did is kept as one recipe too.
+    let again = recording.path("again");
+    let kept = std::fs::read_to_string(Path::new(&by_hand).join("recipe.jsonl")).unwrap();
+    let mut commands: Vec<Value> =
+        kept.lines().filter(|line| !line.is_empty()).map(|line| serde_json::from_str(line).unwrap()).collect();
+    commands[0]["new"]["root"] = again.clone().into();
+    std::fs::write(&path, serde_json::json!({ "format": 1, "commands": commands }).to_string()).unwrap();
+    done(&["run", &path]);
+    assert_eq!(info(&by_hand), info(&again));
 }
