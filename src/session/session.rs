@@ -144,7 +144,7 @@ impl Session {
         self.open.as_ref()?.history().mask_before(frame)
     }
 
-    /// What [`Command::Undo`] would take back.
+    /// What [`Command::Undo`](super::Command::Undo) would take back.
     #[must_use]
     pub fn undo_title(&self) -> Option<&str> {
         self.open.as_ref()?.history().last().map(|step| step.title.as_str())
