@@ -150,7 +150,7 @@ impl Session {
         self.open.as_ref()?.history().last().map(|step| step.title.as_str())
     }
 
-    /// What [`Command::Redo`] would do again.
+    /// What [`Command::Redo`](super::Command::Redo) would do again.
     #[must_use]
     pub fn redo_title(&self) -> Option<&str> {
         self.open.as_ref()?.history().next().map(|step| step.title.as_str())
