@@ -20,7 +20,7 @@ pub struct ScenePrefs {
     pub scale_bar: bool,
     /// Whether the directions of the world's axes are drawn.
     pub axes: bool,
-    /// Opacity of all but the isolated label, 0–1.
+    /// Opacity of all but the isolated label or the doubtful points, 0–1.
     pub faint: f32,
     /// Depth of the cameras' frusta, share of the scene's radius.
     pub frustum: f32,
@@ -54,6 +54,8 @@ pub struct SceneLook {
     pub clip: ClipSides,
     /// The label that, with all below it, stands out.
     pub isolated: Option<LabelId>,
+    /// Only points stand out whose label won less than this share of the votes, 0–1; `None` = all do.
+    pub doubtful_below: Option<f32>,
     /// Deeper labels take the colour of their ancestor at this depth, 1 = top; `None` = every label its own.
     pub level: Option<usize>,
     /// Whether the view turns about the vertical by itself.

@@ -119,6 +119,7 @@ impl Window {
         }
         let view = &self.shell.view;
         let before = if view.compare { self.session.mask_before(view.frame) } else { None };
+        self.session.follow_masks();
         let doubts = self.session.doubts();
         let look = Look {
             project,

@@ -146,6 +146,9 @@ pub(super) struct DemoArgs {
     /// Another seed makes another plant.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// Colour and depth as an RGB-D sensor would see them, not exact.
+    #[arg(long)]
+    pub noise: bool,
 }
 
 #[derive(Debug, Args)]

@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use super::args::{DemoArgs, MethodName, SceneName};
 use super::drive::ProgressLines;
 use super::print::say;
-use crate::scene::synthetic::{SceneKind, SceneOptions};
+use crate::scene::synthetic::{SceneKind, SceneOptions, SensorNoise};
 use crate::session::Session;
 use crate::session::demo::{DemoMethod, DemoOptions, run_demo};
 use crate::view::{Appearance, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png};
@@ -21,8 +21,9 @@ pub(super) fn demo(args: &DemoArgs) -> Result<()> {
         SceneName::Tiller => SceneKind::Tiller,
         SceneName::Bricks => SceneKind::Bricks,
     };
-    let scene =
-        SceneOptions { scene, views: args.frames as usize, width, height, seed: args.seed, ..SceneOptions::default() };
+    let noise = args.noise.then(SensorNoise::default);
+    let (views, seed) = (args.frames as usize, args.seed);
+    let scene = SceneOptions { scene, views, width, height, seed, noise, ..SceneOptions::default() };
     let mut session = Session::new();
     let mut lines = ProgressLines::default();
     let options = DemoOptions { out: args.out.clone(), scene, method };

@@ -47,6 +47,12 @@ impl LabelledCloud {
         }
     }
 
+    /// Whether somebody voted on a point, and its label won less than a share (0–1) of the votes.
+    #[must_use]
+    pub fn is_doubtful(&self, point: usize, below: f32) -> bool {
+        (f32::MIN_POSITIVE..below).contains(&self.confidence[point])
+    }
+
     /// The points with these indices, in their order, under the same tree. Indices beyond the end are left out.
     #[must_use]
     pub fn select(&self, indices: &[u32]) -> Self {

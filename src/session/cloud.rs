@@ -21,11 +21,23 @@ pub(super) struct CloudSlot {
     wanted: Cell<bool>,
     /// The version that is being loaded or could not be.
     tried: Option<u64>,
+    /// How often points voted again.
+    rounds: u64,
+}
+
+/// A state of the project's cloud, for what is made of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct CloudState {
+    /// Which version of the project's.
+    pub(super) version: u64,
+    /// Which round of voting since; 0 = as it was made.
+    pub(super) round: u64,
 }
 
 struct Loaded {
     /// Which version of the project's; `None` = inspected alone.
     version: Option<u64>,
+    round: u64,
     cloud: Arc<LabelledCloud>,
     votes: Option<Arc<Votes>>,
 }
@@ -33,7 +45,16 @@ struct Loaded {
 impl CloudSlot {
     pub(super) fn put(&mut self, version: Option<u64>, cloud: LabelledCloud, votes: Option<Votes>) {
         self.tried = None;
-        self.loaded = Some(Loaded { version, cloud: Arc::new(cloud), votes: votes.map(Arc::new) });
+        self.loaded = Some(Loaded { version, round: 0, cloud: Arc::new(cloud), votes: votes.map(Arc::new) });
+    }
+
+    /// Puts a cloud in the place of that with the votes `before`, whose points voted again; whether that is still there.
+    pub(super) fn revote(&mut self, before: &Arc<Votes>, cloud: LabelledCloud, votes: &Arc<Votes>) -> bool {
+        let is_before = |loaded: &&mut Loaded| loaded.votes.as_ref().is_some_and(|votes| Arc::ptr_eq(votes, before));
+        let Some(loaded) = self.loaded.as_mut().filter(is_before) else { return false };
+        self.rounds += 1;
+        *loaded = Loaded { round: self.rounds, cloud: Arc::new(cloud), votes: Some(Arc::clone(votes)), ..*loaded };
+        true
     }
 
     /// The project's cloud of this version with its votes, where it is in memory.
@@ -56,6 +77,13 @@ impl Session {
     #[must_use]
     pub fn votes(&self) -> Option<&Arc<Votes>> {
         self.loaded_cloud()?.votes.as_ref()
+    }
+
+    /// Which cloud is in force, and what round of voting is in memory; `None` where there is none.
+    pub(super) fn cloud_state(&self) -> Option<CloudState> {
+        let version = version_in_force(self.project()?, ResultKind::Cloud)?;
+        let loaded = self.cloud.loaded.as_ref().filter(|loaded| loaded.version == Some(version));
+        Some(CloudState { version, round: loaded.map_or(0, |loaded| loaded.round) })
     }
 
     /// Where the surface that was made with the cloud lies, and the edge of its voxels.

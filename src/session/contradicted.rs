@@ -1,10 +1,10 @@
 use std::cell::Cell;
 use std::sync::Arc;
 
+use super::cloud::CloudState;
 use super::commands::by_vote;
 use super::jobs::{Kind, Landing};
-use super::store::version_in_force;
-use super::{JobId, Project, ResultKind, Session};
+use super::{JobId, Project, Session};
 use crate::frames::{Frame, FrameStore};
 use crate::masks::{LabelId, Region, RunMask};
 use crate::scene::LabelledCloud;
@@ -25,22 +25,21 @@ pub(super) struct Contradicted {
 struct Compared {
     frame: usize,
     mask: Arc<RunMask>,
-    /// Of the cloud.
-    version: u64,
+    cloud: CloudState,
     labels: Vec<LabelId>,
     frames: Arc<Vec<Frame>>,
 }
 
 impl Compared {
     /// A frame's mask as it is now, and the cloud in force; `None` where one is missing.
-    fn now(project: &Project, frame: usize) -> Option<Self> {
-        let (mask, version) = project.mask_in_play(frame).zip(version_in_force(project, ResultKind::Cloud))?;
+    fn now(project: &Project, frame: usize, cloud: CloudState) -> Option<Self> {
+        let mask = project.mask_in_play(frame)?;
         let labels = project.labels.iter().map(|label| label.id).collect();
-        Some(Self { frame, mask, version, labels, frames: Arc::clone(&project.frames) })
+        Some(Self { frame, mask, cloud, labels, frames: Arc::clone(&project.frames) })
     }
 
     fn is(&self, other: &Self) -> bool {
-        (self.frame, self.version, &self.labels) == (other.frame, other.version, &other.labels)
+        (self.frame, self.cloud, &self.labels) == (other.frame, other.cloud, &other.labels)
             && Arc::ptr_eq(&self.frames, &other.frames)
             && (Arc::ptr_eq(&self.mask, &other.mask) || self.mask == other.mask)
     }
@@ -76,11 +75,12 @@ impl Session {
             return;
         }
         let (Some(number), Ok(project)) = (self.contradicted.wanted.take(), self.snapshot()) else { return };
-        let Some(now) = Compared::now(&project, number) else {
+        let now = self.cloud_state().and_then(|cloud| Compared::now(&project, number, cloud));
+        let Some(now) = now else {
             self.contradicted = Contradicted::default();
             return;
         };
-        let Some((cloud, votes)) = self.cloud.in_force(Some(now.version)) else { return };
+        let Some((cloud, votes)) = self.cloud.in_force(Some(now.cloud.version)) else { return };
         if self.contradicted.of.as_ref().is_some_and(|of| of.is(&now)) {
             return;
         }

@@ -1,9 +1,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::cloud::CloudState;
 use super::jobs::{Kind, Landing};
-use super::store::version_in_force;
-use super::{Event, JobId, ResultKind, Session};
+use super::{Event, JobId, Session};
 use crate::masks::RunMask;
 use crate::scene::doubt::{FrameDoubt, frame_doubt};
 
@@ -11,7 +11,7 @@ use crate::scene::doubt::{FrameDoubt, frame_doubt};
 #[derive(Default)]
 pub(super) struct Doubts {
     /// Which cloud it is.
-    version: u64,
+    state: CloudState,
     by_frame: Arc<BTreeMap<usize, FrameDoubt>>,
     /// The mask that each frame had when it was compared.
     compared: BTreeMap<usize, Arc<RunMask>>,
@@ -35,11 +35,15 @@ impl Session {
             return;
         }
         let Ok(project) = self.snapshot() else { return };
-        let version = version_in_force(&project, ResultKind::Cloud);
-        if version != Some(self.doubts.version) {
-            self.doubts = Doubts { version: version.unwrap_or(0), ..Doubts::default() };
+        let state = self.cloud_state().unwrap_or_default();
+        if state.version != self.doubts.state.version {
+            self.doubts = Doubts::default();
+        } else if state != self.doubts.state {
+            // What was found by the votes before stands until it is found anew.
+            self.doubts.compared.clear();
         }
-        let Some((cloud, votes)) = self.cloud.in_force(version) else { return };
+        self.doubts.state = state;
+        let Some((cloud, votes)) = self.cloud.in_force(Some(state.version)) else { return };
         let voters: Vec<usize> = votes.frames().collect();
         let now = |frame: usize| project.mask_in_play(frame);
         let differs = |&frame: &usize| match (now(frame), self.doubts.compared.get(&frame)) {
@@ -59,14 +63,14 @@ impl Session {
                 compared.push((frame, mask, doubt));
             }
             Ok(Box::new(move |session: &mut Self| {
-                session.take_doubts(version.unwrap_or(0), compared);
+                session.take_doubts(state, compared);
                 Ok(())
             }) as Landing)
         }));
     }
 
-    fn take_doubts(&mut self, version: u64, compared: Vec<(usize, Option<Arc<RunMask>>, Option<FrameDoubt>)>) {
-        if self.doubts.version != version {
+    fn take_doubts(&mut self, state: CloudState, compared: Vec<(usize, Option<Arc<RunMask>>, Option<FrameDoubt>)>) {
+        if self.doubts.state != state {
             return;
         }
         let by_frame = Arc::make_mut(&mut self.doubts.by_frame);

@@ -19,6 +19,7 @@ mod engines;
 mod estimate;
 pub mod evaluate;
 mod event;
+mod following;
 mod grounding;
 mod growing;
 mod history;

@@ -13,11 +13,16 @@ pub(super) struct OnDemand<K, T> {
 impl<K: Copy + PartialEq, T> OnDemand<K, T> {
     /// What was loaded under this key; `None` leaves word that it is wanted.
     pub(super) fn get(&self, key: K) -> Option<&Arc<T>> {
-        let loaded = self.loaded.as_ref().filter(|(of, _)| *of == key);
-        if loaded.is_none() {
+        self.get_or(key, |_| false)
+    }
+
+    /// As [`Self::get`]; what was loaded under a key that `serves` stands until it is there.
+    pub(super) fn get_or(&self, key: K, serves: impl Fn(K) -> bool) -> Option<&Arc<T>> {
+        let (of, value) = self.loaded.as_ref().map_or((None, None), |(of, value)| (Some(*of), Some(value)));
+        if of != Some(key) {
             self.wanted.set(Some(key));
         }
-        loaded.map(|(_, value)| value)
+        value.filter(|_| of.is_some_and(|of| of == key || serves(of)))
     }
 
     /// What is to be loaded now, told once.

@@ -2,9 +2,8 @@ use std::sync::Arc;
 
 use super::commands::{FoundInstances, found_instances};
 use super::jobs::{Kind, Landing};
-use super::store::version_in_force;
 use super::surfaces::load_cloud;
-use super::{Event, InstancesRequest, ResultKind, Session};
+use super::{Event, InstancesRequest, Session};
 use crate::masks::Label;
 use crate::scene::LabelledCloud;
 
@@ -22,24 +21,23 @@ impl Session {
     /// first asked for: `None` until [`Event::CloudChanged`]. Nothing is committed.
     #[must_use]
     pub fn proposed_instances(&self, request: InstancesRequest) -> Option<&Arc<ProposedInstances>> {
-        let version = version_in_force(self.project()?, ResultKind::Cloud)?;
-        self.proposed.get((version, request))
+        self.proposed.get((self.cloud_state()?, request))
     }
 
     /// Starts to look for what was asked for.
     pub(super) fn load_wanted_instances(&mut self) {
         let (Ok(project), Some(root)) = (self.snapshot(), self.root().map(std::path::Path::to_owned)) else { return };
-        let Some((version, request)) = self.proposed.next_wanted() else { return };
-        let loaded = self.cloud.in_force(Some(version));
+        let Some((state, request)) = self.proposed.next_wanted() else { return };
+        let loaded = self.cloud.in_force(Some(state.version));
         self.start("Look for instances", Kind::Short, move |link| {
             let (cloud, _) = match loaded {
                 Some(loaded) => loaded,
-                None => load_cloud(&root, version, &link.progress)?,
+                None => load_cloud(&root, state.version, &link.progress)?,
             };
             let found = found_instances(&project.labels, &cloud, &request, &link.progress)?;
             let proposed = Arc::new(proposal(&cloud, found)?);
             Ok(Box::new(move |session: &mut Self| {
-                session.proposed.put((version, request), proposed);
+                session.proposed.put((state, request), proposed);
                 session.events.push(Event::CloudChanged);
                 Ok(())
             }) as Landing)

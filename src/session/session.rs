@@ -5,10 +5,11 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 
-use super::cloud::CloudSlot;
+use super::cloud::{CloudSlot, CloudState};
 use super::commands::TrackRun;
 use super::contradicted::Contradicted;
 use super::doubt::Doubts;
+use super::following::Following;
 use super::growing::Growing;
 use super::hover::Hover;
 use super::jobs::{Job, Jobs, Kind, Landing};
@@ -46,12 +47,13 @@ pub struct Session {
     pub(super) recipe: Recipe,
     pub(super) cloud: CloudSlot,
     pub(super) surfaces: Surfaces,
+    pub(super) following: Following,
     pub(super) doubts: Doubts,
     pub(super) contradicted: Contradicted,
     pub(super) measuring: Measuring,
     pub(super) growing: Growing,
     pub(super) sparse: OnDemand<u64, SparseModel>,
-    pub(super) proposed: OnDemand<(u64, InstancesRequest), ProposedInstances>,
+    pub(super) proposed: OnDemand<(CloudState, InstancesRequest), ProposedInstances>,
     pub(super) track: Option<TrackRun>,
     pub(super) prepared: Arc<PreparedFrames>,
     /// The segmenter that knows where the project's frames were taken from.
@@ -89,6 +91,7 @@ impl Session {
             recipe: Recipe { format: 1, commands: Vec::new() },
             cloud: CloudSlot::default(),
             surfaces: Surfaces::default(),
+            following: Following::default(),
             doubts: Doubts::default(),
             contradicted: Contradicted::default(),
             measuring: Measuring::default(),
@@ -189,6 +192,7 @@ impl Session {
         self.load_wanted_surfaces();
         self.load_wanted_sparse();
         self.load_wanted_instances();
+        self.follow_wanted();
         self.compare_wanted();
         self.contradict_wanted();
         self.measure_wanted();

@@ -2,13 +2,14 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 
-use super::cloud::read_votes_file;
+use super::cloud::{CloudState, read_votes_file};
 use super::jobs::{Kind, Landing};
 use super::on_demand::OnDemand;
-use super::store::{cloud_path, mesh_path, version_in_force, votes_path};
-use super::{Event, ResultKind, Session};
+use super::store::{cloud_path, mesh_path, mesh_votes_path, version_in_force, votes_path};
+use super::{Event, Project, ResultKind, Session};
 use crate::engine::job::Progress;
-use crate::scene::fuse::Votes;
+use crate::frames::FrameStore;
+use crate::scene::fuse::{ProjectViews, Votes, vote_again};
 use crate::scene::ply::{read_mesh, read_ply};
 use crate::scene::{LabelledCloud, LabelledMesh, voxel_faces, voxelize};
 
@@ -25,7 +26,7 @@ pub enum Surface {
 #[derive(Default)]
 pub(super) struct Surfaces {
     mesh: OnDemand<u64, LabelledMesh>,
-    drawn: OnDemand<(u64, Surface), LabelledMesh>,
+    drawn: OnDemand<(CloudState, Surface), LabelledMesh>,
 }
 
 impl Session {
@@ -43,11 +44,13 @@ impl Session {
         self.surfaces.mesh.get(self.version_with_surface()?)
     }
 
-    /// Triangles of the project's result to be drawn, under the label ids of the time it was made. Made by a job as
-    /// [`Self::mesh`] is loaded.
+    /// Triangles of the project's result to be drawn, labelled as the cloud in memory is. Made by a job as [`Self::mesh`] is
+    /// loaded; those of the round of voting before stand until then.
     #[must_use]
     pub fn surface(&self, surface: Surface) -> Option<&Arc<LabelledMesh>> {
-        self.surfaces.drawn.get((self.version_with_surface()?, surface))
+        self.surface_voxel()?;
+        let state = self.cloud_state()?;
+        self.surfaces.drawn.get_or((state, surface), |(of, kind)| of.version == state.version && kind == surface)
     }
 
     fn version_with_surface(&self) -> Option<u64> {
@@ -69,13 +72,19 @@ impl Session {
                 }) as Landing)
             });
         }
-        let Some((version, surface)) = self.surfaces.drawn.next_wanted() else { return };
-        let Some(voxel) = self.surface_voxel() else { return };
+        let Some((state, surface)) = self.surfaces.drawn.next_wanted() else { return };
+        let (Some(voxel), Ok(project)) = (self.surface_voxel(), self.snapshot()) else { return };
+        let (version, store) = (state.version, Arc::clone(&self.store));
         let loaded = self.cloud.in_force(Some(version));
         self.start("Load surface", Kind::Short, move |link| {
             let drawn = match surface {
                 Surface::Mesh => {
-                    read_mesh(&mesh_path(&root, version), &link.progress).context(NOT_KEPT)?.split_at_labels()
+                    let mesh = read_mesh(&mesh_path(&root, version), &link.progress).context(NOT_KEPT)?;
+                    let votes = read_votes_file(&mesh_votes_path(&root, version)).ok().filter(|_| state.round > 0);
+                    match votes {
+                        Some(votes) => voted_again(mesh, &votes, (&project, &store), &link.progress)?.split_at_labels(),
+                        None => mesh.split_at_labels(),
+                    }
                 }
                 Surface::Voxels => {
                     let (cloud, votes) = match loaded {
@@ -86,7 +95,7 @@ impl Session {
                 }
             };
             Ok(Box::new(move |session: &mut Self| {
-                session.surfaces.drawn.put((version, surface), Arc::new(drawn));
+                session.surfaces.drawn.put((state, surface), Arc::new(drawn));
                 session.events.push(Event::CloudChanged);
                 Ok(())
             }) as Landing)
@@ -95,6 +104,19 @@ impl Session {
 }
 
 const NOT_KEPT: &str = "the result of this step is not kept any more; fuse again";
+
+/// The mesh as the masks vote now.
+fn voted_again(
+    mesh: LabelledMesh,
+    votes: &Votes,
+    (project, store): (&Project, &FrameStore),
+    progress: &Progress,
+) -> Result<LabelledMesh> {
+    let masks = |frame: usize| project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
+    let views = ProjectViews { frames: &project.frames, store, masks: &masks };
+    let vertices = vote_again(&mesh.vertices, votes, &views, &project.labels, progress)?.cloud;
+    Ok(LabelledMesh { vertices, ..mesh })
+}
 
 /// The cloud of a version with its votes, from the disk.
 pub(super) fn load_cloud(

@@ -18,6 +18,9 @@ pub struct Appearance {
     pub hidden: BTreeSet<LabelId>,
     /// The label that, with all below it, is drawn as ever while all else is drawn faintly; `None` = nothing is faint.
     pub isolated: Option<LabelId>,
+    /// Only points stand out whose label won less than this share of the votes ([`crate::scene::LabelledCloud::is_doubtful`]), 0–1, and all
+    /// else is drawn faintly; `None` = all do.
+    pub doubtful_below: Option<f32>,
     /// Opacity of what is faint, 0 (not drawn) to 1.
     pub faint: f32,
     /// Names and colours newer than the cloud's own.
@@ -35,6 +38,7 @@ impl Default for Appearance {
             level: None,
             hidden: BTreeSet::new(),
             isolated: None,
+            doubtful_below: None,
             faint: 0.0,
             tree: None,
             votes: None,
@@ -48,7 +52,7 @@ impl PartialEq for Appearance {
     fn eq(&self, other: &Self) -> bool {
         let votes = |one: &Self| one.votes.as_ref().map(Arc::as_ptr);
         (self.coloring, self.level, self.isolated) == (other.coloring, other.level, other.isolated)
-            && (self.faint, self.up) == (other.faint, other.up)
+            && (self.faint, self.up, self.doubtful_below) == (other.faint, other.up, other.doubtful_below)
             && votes(self) == votes(other)
             && self.hidden == other.hidden
             && self.tree == other.tree

@@ -14,7 +14,7 @@ pub(super) struct LabelColors {
 
 impl LabelColors {
     pub(super) fn new(tree: &LabelTree, appearance: &Appearance) -> Self {
-        let faint = (appearance.faint.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let faint = faint_opacity(appearance);
         let of_label = |id| {
             let [r, g, b] = color_at(tree, id, appearance.level);
             [r, g, b, opacity(tree, id, appearance, faint)]
@@ -29,6 +29,11 @@ impl LabelColors {
         let known = self.by_id.get(usize::from(id.0)).filter(|_| id != LabelId::NONE);
         known.copied().unwrap_or(self.unlabelled)
     }
+}
+
+/// Opacity of what is faint, 0 to 255.
+pub(super) fn faint_opacity(appearance: &Appearance) -> u8 {
+    (appearance.faint.clamp(0.0, 1.0) * 255.0).round() as u8
 }
 
 fn color_at(tree: &LabelTree, id: LabelId, level: Option<usize>) -> [u8; 3] {

@@ -3,10 +3,9 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::coloring::{Coloring, ramp};
-use super::label_colors::{LabelColors, UNKNOWN};
+use super::label_colors::{LabelColors, UNKNOWN, faint_opacity};
 use super::points::SpreadOrder;
 use super::{Appearance, Bounds};
-use crate::masks::LabelId;
 use crate::scene::LabelledCloud;
 use crate::scene::fuse::Votes;
 
@@ -18,6 +17,9 @@ const SAMPLED: usize = 100_000;
 pub(super) struct Paint {
     labels: LabelColors,
     source: Source,
+    doubtful_below: Option<f32>,
+    /// Opacity of what is faint.
+    faint: u8,
 }
 
 /// Where colours come from.
@@ -42,7 +44,12 @@ enum Number {
 impl Paint {
     pub(super) fn new(cloud: &LabelledCloud, appearance: &Appearance) -> Self {
         let tree = appearance.tree.as_ref().unwrap_or(&cloud.tree);
-        Self { labels: LabelColors::new(tree, appearance), source: Source::new(cloud, appearance) }
+        Self {
+            labels: LabelColors::new(tree, appearance),
+            source: Source::new(cloud, appearance),
+            doubtful_below: appearance.doubtful_below,
+            faint: faint_opacity(appearance),
+        }
     }
 
     /// The sRGB colour of point `index` and its opacity; `None` when it is not drawn.
@@ -55,12 +62,15 @@ impl Paint {
             Source::Ramp { number, range } => ramp((number.of(cloud, index) - range[0]) / (range[1] - range[0])),
             Source::Unknown => UNKNOWN,
         };
-        (label[3] > 0).then_some([r, g, b, label[3]])
+        let opacity = self.opacity(cloud, index);
+        (opacity > 0).then_some([r, g, b, opacity])
     }
 
-    /// Opacity of the points with a label, 0 (not drawn) to 255.
-    pub(super) fn opacity(&self, id: LabelId) -> u8 {
-        self.labels.get(id)[3]
+    /// Opacity of point `index`, 0 (not drawn) to 255.
+    pub(super) fn opacity(&self, cloud: &LabelledCloud, index: usize) -> u8 {
+        let of_label = self.labels.get(cloud.labels[index])[3];
+        let stands_out = self.doubtful_below.is_none_or(|below| cloud.is_doubtful(index, below));
+        if stands_out { of_label } else { of_label.min(self.faint) }
     }
 
     /// What the ends of the ramp stand for, where colours come from one.
@@ -124,7 +134,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::masks::Label;
+    use crate::masks::{Label, LabelId};
 
     /// Four points in a row along x: plant, leaf, pot and unlabelled.
     fn cloud() -> LabelledCloud {
@@ -179,5 +189,18 @@ mod tests {
         assert_eq!(opacities(&appearance), [255, 255, 51, 51]);
         appearance.hidden.insert(LabelId(2));
         assert_eq!(opacities(&appearance), [255, 0, 51, 51], "hidden even where isolated");
+    }
+
+    #[test]
+    fn only_points_that_were_contested_stand_out() {
+        let opacities = |appearance: &Appearance| -> Vec<u8> {
+            colors(appearance).into_iter().map(|color| color.map_or(0, |color| color[3])).collect()
+        };
+        let mut appearance = Appearance { doubtful_below: Some(0.7), ..Appearance::default() };
+        assert_eq!(opacities(&appearance), [0, 255, 0, 0], "nobody voted on the first and the last");
+        (appearance.faint, appearance.isolated) = (0.2, Some(LabelId(3)));
+        assert_eq!(opacities(&appearance), [51, 51, 51, 51]);
+        appearance.hidden.insert(LabelId(2));
+        assert_eq!(opacities(&appearance), [51, 0, 51, 51]);
     }
 }

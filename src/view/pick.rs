@@ -26,12 +26,12 @@ pub fn pick_point(
         .filter_map(|(index, &x)| {
             let (px, depth) = camera.project(x)?;
             let off = px.distance(at_px);
-            let is_drawn = || paint.opacity(cloud.labels[index]) > 0 && clip.contains(x);
+            let is_drawn = || paint.opacity(cloud, index) > 0 && clip.contains(x);
             (off <= radius_px && is_drawn()).then_some((index, depth, off))
         })
         .collect();
-    let most = hits.iter().map(|hit| paint.opacity(cloud.labels[hit.0])).max()?;
-    let solid = || hits.iter().filter(|hit| paint.opacity(cloud.labels[hit.0]) == most);
+    let most = hits.iter().map(|hit| paint.opacity(cloud, hit.0)).max()?;
+    let solid = || hits.iter().filter(|hit| paint.opacity(cloud, hit.0) == most);
     let nearest = solid().map(|hit| hit.1).min_by(f32::total_cmp)?;
     solid()
         .filter(|hit| camera.farther_by(hit.1, nearest) <= 0.01)

@@ -3,6 +3,8 @@
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::{NodeT, Queryable};
 use ostra::app::Dialog;
+use ostra::frames::cameras::ModelEncoding;
+use ostra::scene::measure::GroundChoice;
 use ostra::session::{Command, Installed, ModelRequest, ModelTask};
 
 use crate::desk::{Desk, press};
@@ -39,6 +41,14 @@ fn export_writes_what_is_ticked() {
     press(&mut harness, Modifiers { ctrl: true, command: true, ..Modifiers::NONE }, Key::E);
     assert_eq!(harness.state().shell.view.dialog, Some(Dialog::Export));
     harness.get_all_by_label("Masks").last().unwrap().click();
+    harness.get_by_label("Undistorted").click();
+    harness.get_by_label("binary").click();
+    harness.run_steps(2);
+    harness.get_by_label("Ground").click();
+    harness.run_steps(3);
+    harness.get_by_label("given by numbers").click();
+    harness.run_steps(3);
+    assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
     type_into(&mut harness, "Export folder", "/out");
     harness.get_by_label("Write files").click();
     harness.run_steps(2);
@@ -46,6 +56,9 @@ fn export_writes_what_is_ticked() {
     assert_eq!(request.cloud.as_deref(), Some(std::path::Path::new("/out/cloud.ply")));
     assert_eq!(request.masks.as_deref(), Some(std::path::Path::new("/out/masks")));
     assert_eq!(request.cameras, None);
+    assert_eq!(request.undistorted.as_deref(), Some(std::path::Path::new("/out/undistorted")));
+    assert_eq!(request.camera_encoding, ModelEncoding::Binary);
+    assert_eq!(request.ground, GroundChoice::Plane { normal: [0.0, 0.0, 1.0], offset: 0.0 });
 }
 
 const DIALOGS: [Dialog; 6] =

@@ -6,6 +6,8 @@
 mod support;
 
 #[cfg(test)]
+mod asking;
+#[cfg(test)]
 mod canvas;
 #[cfg(test)]
 mod desk;

@@ -55,6 +55,22 @@ fn light_projection_and_background_are_set_in_one_menu_that_stays_open() {
 }
 
 #[test]
+fn doubtful_points_are_shown_alone_until_a_button_shows_all_again() {
+    let mut harness = shown();
+    harness.get_by_label("Display").click();
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Doubtful below").is_none());
+    harness.get_by_label("Doubtful points only").click();
+    harness.run_steps(3);
+    assert_eq!(harness.state().shell.view.scene.doubtful_below, Some(0.7));
+    assert!(harness.query_by_label("Doubtful below").is_some(), "{:?}", labels(&harness));
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    harness.get_by_label("Show all points").click();
+    harness.run_steps(3);
+    assert_eq!(harness.state().shell.view.scene.doubtful_below, None);
+}
+
+#[test]
 fn a_click_into_the_view_ends_the_turntable() {
     let mut harness = shown();
     press(&mut harness, Modifiers::ALT, Key::T);

@@ -15,16 +15,16 @@ use super::command_line::{Recording, contents, done, refused};
 use super::session::{new_project, perform};
 use crate::support::data_dir;
 
-const TISSUES: LabelId = LabelId(3);
-const JOKES: LabelId = LabelId(4);
-const FRAMES: usize = 15;
+pub(super) const TISSUES: LabelId = LabelId(3);
+pub(super) const JOKES: LabelId = LabelId(4);
+pub(super) const FRAMES: usize = 15;
 
-fn truth(data: &Path, frame: usize) -> LabelMask {
+pub(super) fn truth(data: &Path, frame: usize) -> LabelMask {
     read_palette_png(&data.join(format!("apc_shelf_rgbd_labels/labels/{frame:06}.png"))).unwrap()
 }
 
 /// The shelf with its true masks, but that the box of tissues is called a book of jokes on every frame; fused.
-fn wrongly_labelled(data: &Path, folder: &Path) -> Session {
+pub(super) fn wrongly_labelled(data: &Path, folder: &Path) -> Session {
     let mut session = Session::new();
     perform(&mut session, new_project(data, &folder.join("shelf"))).unwrap();
     for name in ["stems", "bunny", "tissues", "jokes"] {
@@ -53,6 +53,7 @@ fn the_box() -> Vec<SelectStep> {
         remove: false,
         hidden: Vec::new(),
         isolated: None,
+        doubtful_below: None,
         cube_from_world: None,
     };
     let (only, likeness) = (SelectStep::Only(JOKES), Likeness { normal_deg: 180.0, color: 50.0 });
@@ -188,6 +189,7 @@ fn points_that_were_corrected_have_their_label_when_fused_again() {
             remove: false,
             hidden: Vec::new(),
             isolated: None,
+            doubtful_below: None,
             cube_from_world: None,
         };
         let steps = vec![SelectStep::Seen(seen)];

@@ -31,6 +31,8 @@ mod floors;
 #[cfg(test)]
 mod flow;
 #[cfg(test)]
+mod following;
+#[cfg(test)]
 mod frames;
 #[cfg(test)]
 mod fuse;

@@ -2,9 +2,11 @@ use egui::{DragValue, Ui};
 
 use super::mask_format::{mask_format_name, mask_format_ui};
 use super::picker::{Pick, PickTarget, path_field_ui};
+use crate::app::panels::{MeasureView, ground_ui, unit_ui};
 use crate::app::tips::{modal, section_heading};
 use crate::app::view_state::typed_path;
 use crate::app::{Look, ViewState};
+use crate::frames::cameras::ModelEncoding;
 use crate::masks::MaskFormat;
 use crate::scene::formats::{CloudFormat, MeshFormat, VoxelFormat};
 use crate::session::{Command, ExportRequest, ResultKind};
@@ -19,6 +21,7 @@ pub struct ExportForm {
     voxels: bool,
     masks: bool,
     cameras: bool,
+    undistorted: bool,
     depths: bool,
     traits: bool,
     twin: bool,
@@ -28,6 +31,7 @@ pub struct ExportForm {
     cloud_format: CloudFormat,
     mesh_format: MeshFormat,
     voxel_format: VoxelFormat,
+    camera_encoding: ModelEncoding,
     solid: bool,
     /// Of the mesh's triangles, percent.
     kept: u32,
@@ -42,6 +46,7 @@ impl Default for ExportForm {
             voxels: false,
             masks: false,
             cameras: false,
+            undistorted: false,
             depths: false,
             traits: false,
             twin: false,
@@ -51,6 +56,7 @@ impl Default for ExportForm {
             cloud_format: CloudFormat::default(),
             mesh_format: MeshFormat::default(),
             voxel_format: VoxelFormat::default(),
+            camera_encoding: ModelEncoding::default(),
             solid: false,
             kept: 100,
         }
@@ -79,7 +85,8 @@ impl Available {
 }
 
 impl ExportForm {
-    fn request(&self, has: &Available) -> Option<ExportRequest> {
+    /// Traits are measured as in the window of measures.
+    fn request(&self, has: &Available, measures: &MeasureView) -> Option<ExportRequest> {
         let into = typed_path(&self.into)?;
         let path = |wanted: bool, there: bool, name: &str| (wanted && there).then(|| into.join(name));
         let request = ExportRequest {
@@ -89,17 +96,21 @@ impl ExportForm {
             masks: path(self.masks, has.masks, "masks"),
             mask_format: (self.masks && has.masks).then(|| mask_format_name(self.mask_format).into()),
             cameras: path(self.cameras, has.cameras, "sparse"),
+            camera_encoding: self.camera_encoding,
+            undistorted: path(self.undistorted, has.cameras, "undistorted"),
             depths: path(self.depths, has.depths, "depths"),
             solid: self.solid && self.voxels && has.surface,
             traits: path(self.traits, has.cloud, "traits.csv"),
+            ground: measures.wish.ground,
+            unit: measures.unit,
             level: (self.level > 0).then_some(self.level),
             twin: self.twin,
             per_label: self.per_label,
             simplify: (self.mesh && has.surface && self.kept < 100).then(|| f64::from(self.kept) / 100.0),
-            ..ExportRequest::default()
         };
-        let ExportRequest { cloud, mesh, voxels, masks, cameras, depths, traits, .. } = &request;
-        let anything = [cloud, mesh, voxels, masks, cameras, depths, traits].iter().any(|path| path.is_some());
+        let ExportRequest { cloud, mesh, voxels, masks, cameras, undistorted, depths, traits, .. } = &request;
+        let anything = [cloud, mesh, voxels, masks, cameras, undistorted, depths, traits];
+        let anything = anything.iter().any(|path| path.is_some());
         anything.then_some(request)
     }
 
@@ -126,6 +137,11 @@ pub(in crate::app) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, 
         ui.add_space(8.0);
         section_heading(ui, "Options");
         options_ui(ui, &mut view.export);
+        ui.horizontal(|ui| {
+            ui.label("Traits in");
+            unit_ui(ui, "Unit of traits", &mut view.measures.unit, look.unit);
+            ground_ui(ui, look, &view.ruler, &mut view.measures.wish.ground);
+        });
         ui.add_space(8.0);
         section_heading(ui, "Into folder");
         ui.horizontal(|ui| {
@@ -156,7 +172,14 @@ fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
         (&mut form.voxels, has.surface, "Voxels", voxels.as_str(), "Fuse depths first"),
         (&mut form.traits, has.cloud, "Traits", "traits.csv, measures of each label", "Fuse first"),
         (&mut form.masks, has.masks, "Masks", "masks/, a file a frame or one for all", "There are no masks yet"),
-        (&mut form.cameras, has.cameras, "Cameras", "sparse/ COLMAP text model", "There are no cameras yet"),
+        (&mut form.cameras, has.cameras, "Cameras", "sparse/ COLMAP model", "There are no cameras yet"),
+        (
+            &mut form.undistorted,
+            has.cameras,
+            "Undistorted",
+            "undistorted/ pictures and masks without lens distortion, with cameras",
+            "There are no cameras yet",
+        ),
         (&mut form.depths, has.depths, "Depths", "depths/ 32-bit float TIFFs", "There are no depths yet"),
     ];
     for (wanted, there, name, what, missing) in rows {
@@ -198,6 +221,13 @@ fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
             .on_hover_text("Fills voxels with what they enclose and no view saw empty");
     });
     ui.horizontal(|ui| {
+        ui.label("Cameras as");
+        let tip = "COLMAP's files of text, or its smaller binary ones";
+        for (encoding, text) in [(ModelEncoding::Text, "text"), (ModelEncoding::Binary, "binary")] {
+            ui.radio_value(&mut form.camera_encoding, encoding, text).on_hover_text(tip);
+        }
+    });
+    ui.horizontal(|ui| {
         ui.label("Label level");
         let drag = DragValue::new(&mut form.level).range(0..=16).speed(0.05);
         let drag = drag.custom_formatter(|n, _| if n < 1.0 { "deepest".into() } else { format!("{n:.0}") });
@@ -224,7 +254,7 @@ fn format_ui<T: Copy + PartialEq, const N: usize>(
 }
 
 fn end_ui(ui: &mut Ui, view: &mut ViewState, has: &Available, out: &mut Vec<Command>) {
-    let request = view.export.request(has);
+    let request = view.export.request(has, &view.measures);
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
         let button = ui.add_enabled(request.is_some(), egui::Button::new("Write files"));
         let button =
@@ -244,28 +274,41 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState, has: &Available, out: &mut Vec<Comm
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::masks::LabelId;
+    use crate::scene::measure::{GroundChoice, LengthUnit};
+    use crate::session::MeasureWish;
 
     #[test]
     fn only_what_is_there_and_ticked_is_written() {
         let mut form =
             ExportForm { into: "/out".into(), masks: true, depths: true, mesh: true, ..ExportForm::default() };
         let has = Available { cloud: true, surface: false, masks: true, cameras: true, depths: false };
-        let request = form.request(&has).unwrap();
+        let measures = MeasureView::default();
+        let request = form.request(&has, &measures).unwrap();
         assert_eq!(request.cloud, Some("/out/cloud.ply".into()));
         assert_eq!(request.masks, Some("/out/masks".into()));
         assert_eq!((request.cameras, request.depths, request.level), (None, None, None));
         assert_eq!(request.mesh, None, "the cloud has no surface");
         (form.mesh_format, form.kept) = (MeshFormat::Glb, 25);
-        assert_eq!(form.request(&has).unwrap().simplify, None, "there is no mesh to simplify");
-        let request = form.request(&Available { surface: true, ..has }).unwrap();
+        assert_eq!(form.request(&has, &measures).unwrap().simplify, None, "there is no mesh to simplify");
+        let request = form.request(&Available { surface: true, ..has }, &measures).unwrap();
         assert_eq!((request.mesh, request.simplify), (Some("/out/mesh.glb".into()), Some(0.25)));
         let has = Available { cloud: true, surface: false, masks: true, cameras: true, depths: false };
         (form.mask_format, form.traits) = (MaskFormat::Coco, true);
-        let request = form.request(&has).unwrap();
+        let request = form.request(&has, &measures).unwrap();
         assert_eq!((request.mask_format.as_deref(), request.traits), (Some("coco"), Some("/out/traits.csv".into())));
         form.cloud_format = CloudFormat::Laz;
-        assert_eq!(form.request(&has).unwrap().cloud, Some("/out/cloud.laz".into()));
+        assert_eq!(form.request(&has, &measures).unwrap().cloud, Some("/out/cloud.laz".into()));
+        (form.undistorted, form.camera_encoding) = (true, ModelEncoding::Binary);
+        let ground = GroundChoice::Label(LabelId(3));
+        let wish = MeasureWish { ground, ..MeasureWish::default() };
+        let mut measures = MeasureView::default();
+        (measures.wish, measures.unit) = (wish, Some(LengthUnit::Millimetre));
+        let request = form.request(&has, &measures).unwrap();
+        assert_eq!(request.undistorted, Some("/out/undistorted".into()));
+        assert_eq!((request.camera_encoding, request.ground), (ModelEncoding::Binary, ground));
+        assert_eq!(request.unit, Some(LengthUnit::Millimetre));
         form.into.clear();
-        assert!(form.request(&has).is_none());
+        assert!(form.request(&has, &measures).is_none());
     }
 }

@@ -61,10 +61,14 @@ impl Asked {
         self.voters.iter().find(|voter| voter.frame == frame).map(|voter| middle(voter.x, voter.y))
     }
 
-    /// Whether it is a point of this cloud.
+    /// The same point of the cloud that is there now, with its votes of now; `None` where that has other points.
     #[must_use]
-    pub fn is_of(&self, cloud: Option<&Arc<LabelledCloud>>) -> bool {
-        cloud.is_some_and(|cloud| Arc::ptr_eq(cloud, &self.cloud))
+    pub fn on(self, cloud: &Arc<LabelledCloud>, votes: Option<&Arc<Votes>>) -> Option<Self> {
+        if Arc::ptr_eq(cloud, &self.cloud) {
+            return Some(self);
+        }
+        let same = cloud.len() == self.cloud.len() && cloud.positions[self.point] == self.place();
+        same.then(|| Self::new(cloud, votes, self.point))
     }
 }
 
@@ -88,7 +92,7 @@ fn mark(ui: &Ui, rect: Rect, camera: &ViewCamera, asked: &Asked) {
 /// A cross at the point asked about, and what is known of it in the corner of the 3-D view: its label, who voted what, and
 /// the way there.
 pub(super) fn asked_ui(ui: &Ui, rect: Rect, camera: &ViewCamera, look: &Look<'_>, view: &mut ViewState) {
-    view.asked = view.asked.take().filter(|asked| asked.is_of(look.cloud));
+    view.asked = view.asked.take().zip(look.cloud).and_then(|(asked, cloud)| asked.on(cloud, look.votes));
     let Some(asked) = view.asked.clone() else { return };
     mark(ui, rect, camera, &asked);
     let (mut open, mut to) = (true, None);

@@ -1,13 +1,13 @@
 use std::collections::BTreeMap;
 
-use egui::Ui;
+use egui::{ScrollArea, Ui};
 
 use crate::app::tips::action_button;
 use crate::app::{Action, Look, ViewState};
 use crate::scene::doubt::FrameDoubt;
 
-/// Frames that the list shows.
-const LISTED: usize = 8;
+/// Frames that the list shows at a time.
+const LISTED: f32 = 8.0;
 /// Share from which a frame is listed: less is noise at borders.
 const LEAST: f32 = 0.01;
 
@@ -19,16 +19,17 @@ pub(in crate::app) fn doubt_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewStat
         return;
     }
     ui.weak("Share of a mask that the vote of all frames contradicts:");
-    for &(frame, share) in worst.iter().take(LISTED) {
-        let name = look.project.frames.get(frame).map_or("", |frame| frame.name.as_str());
-        let text = format!("{:>4.1} %  frame {frame}", 100.0 * share);
-        if ui.selectable_label(view.frame == frame, text).on_hover_text(format!("Goes to {name}")).clicked() {
-            view.go_to(frame);
+    let row = ui.text_style_height(&egui::TextStyle::Body).max(ui.spacing().interact_size.y);
+    let list = ScrollArea::vertical().id_salt("doubtful").max_height(LISTED * (row + ui.spacing().item_spacing.y));
+    list.auto_shrink([false, true]).show_rows(ui, row, worst.len(), |ui, rows| {
+        for &(frame, share) in &worst[rows] {
+            let name = look.project.frames.get(frame).map_or("", |frame| frame.name.as_str());
+            let text = format!("{:>4.1} %  frame {frame}", 100.0 * share);
+            if ui.selectable_label(view.frame == frame, text).on_hover_text(format!("Goes to {name}")).clicked() {
+                view.go_to(frame);
+            }
         }
-    }
-    if worst.len() > LISTED {
-        ui.weak(format!("and {} more", worst.len() - LISTED));
-    }
+    });
     ui.checkbox(&mut view.prefs.contradictions, "Show where")
         .on_hover_text("Stripes over the picture where the vote names another label; accepting the vote changes these, and pixels at borders");
     ui.horizontal_wrapped(|ui| {

@@ -5,11 +5,14 @@ use egui::{Button, ComboBox, DragValue, Grid, RichText, ScrollArea, Ui};
 
 use super::labels::listed;
 use super::measure_columns::{COLUMNS, Column};
+use super::ruler::Ruler;
+use super::scene_bar::labels_of;
 use crate::app::view_state::PathWish;
 use crate::app::{Dialog, Look, ViewState};
 use crate::masks::{Label, LabelId, LabelTree};
 use crate::scene::measure::{GroundChoice, LengthUnit, TraitRow};
 use crate::session::MeasureWish;
+use crate::view::Axes;
 
 /// What the window of measures shows.
 #[derive(Debug, Clone, Default)]
@@ -70,7 +73,7 @@ pub(in crate::app) fn measures_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState
             return;
         };
         let tree = if look.root.is_some() { &look.project.labels } else { &cloud.tree };
-        settings_ui(ui, look, view, tree);
+        settings_ui(ui, look, view);
         ui.separator();
         match look.traits {
             Some(rows) => {
@@ -93,8 +96,8 @@ pub(in crate::app) fn measures_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState
     view.measures.open = open;
 }
 
-fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, tree: &LabelTree) {
-    ui.horizontal(|ui| {
+fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+    ui.horizontal_wrapped(|ui| {
         ui.label("Label level");
         let mut level = view.measures.wish.level.unwrap_or(0);
         let drag = DragValue::new(&mut level).range(0..=16).speed(0.05);
@@ -103,7 +106,7 @@ fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, tree: &LabelT
         ui.add(drag).on_hover_text(tip).accessible_name("Measured level");
         view.measures.wish.level = (level > 0).then_some(level);
         ui.add_space(8.0);
-        ground_ui(ui, &mut view.measures.wish.ground, tree);
+        ground_ui(ui, look, &view.ruler, &mut view.measures.wish.ground);
         ui.add_space(8.0);
         unit_ui(ui, "Unit", &mut view.measures.unit, look.unit);
         ui.add_space(8.0);
@@ -115,7 +118,9 @@ fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, tree: &LabelT
     });
 }
 
-fn ground_ui(ui: &mut Ui, ground: &mut GroundChoice, tree: &LabelTree) {
+/// The plane above which heights are measured.
+pub(in crate::app) fn ground_ui(ui: &mut Ui, look: &Look<'_>, ruler: &Ruler, ground: &mut GroundChoice) {
+    let tree = labels_of(look);
     let name = |id| tree.get(id).map_or("fitted", |label| label.name.as_str());
     let text = match *ground {
         GroundChoice::Fitted => "fitted",
@@ -128,14 +133,45 @@ fn ground_ui(ui: &mut Ui, ground: &mut GroundChoice, tree: &LabelTree) {
         for label in tree.iter() {
             ui.selectable_value(ground, GroundChoice::Label(label.id), &label.name);
         }
+        ui.separator();
+        let through = ruler.plane(Axes::of_cameras(&look.project.frames).up);
+        let is_through = through.is_some_and(|plane| plane == *ground);
+        let button = ui.add_enabled(through.is_some(), Button::selectable(is_through, "through the ruler's points"));
+        if button.on_disabled_hover_text("Set three points with the ruler first").clicked() {
+            *ground = through.unwrap_or(*ground);
+        }
+        let is_given = matches!(ground, GroundChoice::Plane { .. });
+        if ui.selectable_label(is_given, "given by numbers").clicked() && !is_given {
+            *ground = GroundChoice::Plane { normal: [0.0, 0.0, 1.0], offset: 0.0 };
+        }
     });
     let tip =
         "The plane that labelled points stand on, fitted to points without a label, or to a label: a table, the soil";
     choice.response.on_hover_text(tip).accessible_name("Ground");
+    if let GroundChoice::Plane { normal, offset } = ground {
+        plane_ui(ui, normal, offset);
+    }
+}
+
+/// All x with normal · x = offset.
+fn plane_ui(ui: &mut Ui, normal: &mut [f64; 3], offset: &mut f64) {
+    let names = ["Normal x", "Normal y", "Normal z"];
+    let before = *normal;
+    for (number, name) in normal.iter_mut().zip(names) {
+        let tip = "Which way is up, in world axes; of any length";
+        ui.add(DragValue::new(number).speed(0.01).max_decimals(4)).on_hover_text(tip).accessible_name(name);
+    }
+    if *normal == [0.0; 3] {
+        *normal = before;
+    }
+    let tip = "Of the points x on the plane: normal · x, in world units";
+    ui.add(DragValue::new(offset).speed(0.001).max_decimals(5).prefix("= "))
+        .on_hover_text(tip)
+        .accessible_name("Offset");
 }
 
 /// The unit that lengths are told in; `None` = the scene's own.
-pub(super) fn unit_ui(ui: &mut Ui, name: &str, chosen: &mut Option<LengthUnit>, of_scene: LengthUnit) {
+pub(in crate::app) fn unit_ui(ui: &mut Ui, name: &str, chosen: &mut Option<LengthUnit>, of_scene: LengthUnit) {
     let mut unit = chosen.unwrap_or(of_scene);
     let choice = ComboBox::from_id_salt("unit").selected_text(unit.sign()).width(60.0).show_ui(ui, |ui| {
         for other in LengthUnit::METRIC.into_iter().chain([LengthUnit::World]) {

@@ -4,7 +4,7 @@ use glam::Vec3;
 use super::measures::unit_ui;
 use crate::app::tips::action_button;
 use crate::app::{Action, Look, ViewState};
-use crate::scene::measure::{Dimension, LengthUnit};
+use crate::scene::measure::{Dimension, GroundChoice, LengthUnit};
 use crate::session::{Command, ScaleEnd, ScaleRequest};
 use crate::view::Line;
 
@@ -62,6 +62,16 @@ impl Ruler {
             }
             _ => None,
         }
+    }
+
+    /// The plane through three points, whose upper side is that of `up`; none through fewer, or more, or three in a row.
+    #[must_use]
+    pub fn plane(&self, up: Vec3) -> Option<GroundChoice> {
+        let [a, b, c] = self.points[..] else { return None };
+        let [a, b, c] = [a, b, c].map(Vec3::as_dvec3);
+        let normal = (b - a).cross(c - a).try_normalize()?;
+        let normal = if normal.dot(up.as_dvec3()) < 0.0 { -normal } else { normal };
+        Some(GroundChoice::Plane { normal: normal.to_array(), offset: normal.dot(a) })
     }
 
     /// Its line, and a cross of `size` world units on each point.
@@ -181,6 +191,18 @@ mod tests {
         assert!(ruler.command().is_some());
         ruler.undo_click();
         assert_eq!(ruler.value(), None);
+    }
+
+    #[test]
+    fn three_points_make_a_plane_whose_upper_side_is_up() {
+        let mut ruler = Ruler { points: vec![Vec3::Z, Vec3::Z + Vec3::X, Vec3::Z + Vec3::Y], ..Ruler::default() };
+        let plane = |z, offset| Some(GroundChoice::Plane { normal: [0.0, 0.0, z], offset });
+        assert_eq!(ruler.plane(Vec3::Z), plane(1.0, 1.0));
+        assert_eq!(ruler.plane(Vec3::new(0.3, 0.0, -1.0)), plane(-1.0, -1.0));
+        ruler.points[2] = Vec3::Z + 3.0 * Vec3::X;
+        assert_eq!(ruler.plane(Vec3::Z), None, "three in a row");
+        ruler.undo_click();
+        assert_eq!(ruler.plane(Vec3::Z), None);
     }
 
     #[test]

@@ -38,7 +38,6 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
             ui.add_space(8.0);
         }
         coloring_ui(ui, look, view);
-        isolated_ui(ui, look, view);
         ui.add_space(8.0);
         ui.spacing_mut().slider_width = 70.0;
         let slider = Slider::new(&mut view.prefs.point_size, 1.0..=12.0).show_value(false);
@@ -50,10 +49,9 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
         if has_cameras {
             ui.checkbox(&mut view.prefs.frusta, "Cameras")
                 .on_hover_text("Shows the cameras; click one to go to its frame");
-            if view.prefs.frusta {
-                let tip = "Shows each camera's picture where it looks";
-                ui.checkbox(&mut view.prefs.scene.pictures, "Pictures").on_hover_text(tip);
-            }
+            let tip = "Shows each camera's picture where it looks";
+            let pictures = egui::Checkbox::new(&mut view.prefs.scene.pictures, "Pictures");
+            ui.add_enabled(view.prefs.frusta, pictures).on_hover_text(tip);
         }
         if look.sparse.is_some_and(|sparse| !sparse.links.is_empty()) {
             ui.checkbox(&mut view.prefs.links, "Links").on_hover_text(
@@ -71,14 +69,6 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
         if has_cameras && action_button(ui, shortcuts, Action::LookThrough, "Camera view", true).clicked() {
             wishes.push(Action::LookThrough);
         }
-        if view.scene.through.is_some() {
-            let slider = Slider::new(&mut view.prefs.scene.blend, 0.0..=1.0).show_value(false);
-            let tip = "How much of the picture is laid over what its camera sees; the view follows the frame shown";
-            together(ui, 130.0, |ui| {
-                ui.label("Picture");
-                ui.add(slider).on_hover_text(tip).accessible_name("Opacity of the picture");
-            });
-        }
         if look.votes.is_some() {
             let tip = shortcuts.tip(ui.ctx(), Action::ChoosePoints);
             if ui.selectable_label(view.scene_select.in_hand, "Select").on_hover_text(tip).clicked() {
@@ -88,6 +78,18 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
         if look.points().is_some() {
             ui.toggle_value(&mut view.ruler.in_hand, "Ruler")
                 .on_hover_text("Click points to measure distances, lines and angles, and to set the scale by a distance");
+        }
+        // What comes and goes stands last, so that nothing else moves.
+        if view.scene.through.is_some() {
+            let slider = Slider::new(&mut view.prefs.scene.blend, 0.0..=1.0).show_value(false);
+            let tip = "How much of the picture is laid over what its camera sees; the view follows the frame shown";
+            together(ui, 130.0, |ui| {
+                ui.label("Picture");
+                ui.add(slider).on_hover_text(tip).accessible_name("Opacity of the picture");
+            });
+        }
+        isolated_ui(ui, look, view);
+        if look.points().is_some() {
             ruler_ui(ui, look, view, wishes);
         }
     });
@@ -126,8 +128,15 @@ fn coloring_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     choice.response.on_hover_text(tip).accessible_name("Level of labels");
 }
 
-/// The label that stands alone, and the way back.
+/// What stands out alone, and the way back.
 fn isolated_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+    if let Some(below) = view.scene.doubtful_below {
+        let text = format!("Only below {:.0} %", 100.0 * below);
+        let button = ui.button(text).on_hover_text("Shows the points again on which frames agree");
+        if button.accessible_name("Show all points").clicked() {
+            view.scene.doubtful_below = None;
+        }
+    }
     let Some(label) = view.scene.isolated.and_then(|id| labels_of(look).get(id)) else { return };
     let button = ui.button(format!("Only {}", label.name)).on_hover_text("Shows all labels again");
     if button.accessible_name("Show all labels").clicked() {

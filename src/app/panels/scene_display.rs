@@ -1,5 +1,5 @@
 use egui::containers::menu::{MenuButton, MenuConfig};
-use egui::{ComboBox, PopupCloseBehavior, Slider, Ui};
+use egui::{ComboBox, DragValue, PopupCloseBehavior, Slider, Ui};
 
 use crate::app::scene_look::{ClipSides, Slice};
 use crate::app::tips::action_button;
@@ -49,11 +49,33 @@ pub(super) fn display_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Act
         ui.horizontal(|ui| {
             ui.label("Others");
             let faint = Slider::new(&mut scene.faint, 0.0..=1.0).show_value(false);
-            let tip = "Opacity of all but the isolated label; Alt+click a point or a label to isolate it";
+            let tip = "Opacity of all but the isolated label (Alt+click a point or a label to isolate it) or the doubtful points";
             ui.add(faint).on_hover_text(tip).accessible_name("Opacity of others");
         });
+        doubtful_ui(ui, &mut view.scene.doubtful_below);
     });
     menu.0.on_hover_text("Light, projection, background, and where to look from");
+}
+
+/// The share of the votes below which a label is doubtful, when first asked for.
+const DOUBTFUL: f32 = 0.7;
+
+fn doubtful_ui(ui: &mut Ui, below: &mut Option<f32>) {
+    ui.horizontal(|ui| {
+        let mut on = below.is_some();
+        let tip =
+            "Only points stand out that frames do not agree on: whose label won less than this share of the votes";
+        if ui.checkbox(&mut on, "Doubtful points only").on_hover_text(tip).changed() {
+            *below = on.then_some(DOUBTFUL);
+        }
+        if let Some(below) = below {
+            let mut percent = *below * 100.0;
+            let share = DragValue::new(&mut percent).range(1.0..=100.0).speed(0.5).suffix(" %").max_decimals(0);
+            if ui.add(share).on_hover_text(tip).accessible_name("Doubtful below").changed() {
+                *below = percent / 100.0;
+            }
+        }
+    });
 }
 
 fn background_ui(ui: &mut Ui, background: &mut Option<[u8; 3]>) {

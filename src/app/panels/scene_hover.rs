@@ -30,13 +30,15 @@ struct Place {
     clip: Clip,
     hidden: BTreeSet<LabelId>,
     isolated: Option<LabelId>,
+    doubtful_below: Option<f32>,
     cloud: Weak<LabelledCloud>,
 }
 
 impl Place {
     fn is(&self, other: &Self) -> bool {
         (self.at, self.camera, self.clip) == (other.at, other.camera, other.clip)
-            && (&self.hidden, self.isolated) == (&other.hidden, other.isolated)
+            && (&self.hidden, self.isolated, self.doubtful_below)
+                == (&other.hidden, other.isolated, other.doubtful_below)
             && self.cloud.ptr_eq(&other.cloud)
     }
 }
@@ -57,8 +59,9 @@ impl SceneHover {
         };
         self.take_found();
         let Some(at) = Rest::follow(&mut self.rest, ui, at) else { return };
-        let (hidden, isolated) = (appearance.hidden.clone(), appearance.isolated);
-        let place = Place { at, camera: *camera, clip: *clip, hidden, isolated, cloud: Arc::downgrade(cloud) };
+        let Appearance { hidden, isolated, doubtful_below, .. } = appearance.clone();
+        let cloud_then = Arc::downgrade(cloud);
+        let place = Place { at, camera: *camera, clip: *clip, hidden, isolated, doubtful_below, cloud: cloud_then };
         match &self.found {
             Some((of, point)) if of.is(&place) => point.iter().for_each(|&point| tell(response, look, cloud, point)),
             _ if self.looking.is_none() => {

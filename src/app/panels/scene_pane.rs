@@ -10,6 +10,7 @@ use super::scene_blend::blend;
 use super::scene_canvas::SceneCanvas;
 use super::scene_hover::SceneHover;
 use super::scene_marks::marks;
+use super::scene_picks::{Purpose, ScenePicks};
 use super::scene_select::choose_by_hand;
 use crate::app::textures::Textures;
 use crate::app::view_state::SceneWish;
@@ -18,7 +19,7 @@ use crate::frames::Frame;
 use crate::scene::LabelledCloud;
 use crate::view::{
     Appearance, Axes, Bounds, Clip, Model, Orbit, PicturePlane, Portrait, Scene3d, SceneStyle, ViewCamera,
-    default_view, frustum_lines, link_lines, pick_frustum, pick_point,
+    default_view, frustum_lines, link_lines, pick_frustum,
 };
 
 /// The 3-D view: where it is seen from, and the texture it is drawn into.
@@ -26,7 +27,9 @@ pub struct ScenePane {
     canvas: Option<SceneCanvas>,
     orbit: Option<Orbit>,
     framed: Framed,
-    zoom_anchor: Option<(egui::Pos2, Vec3)>,
+    /// Where the wheel was last turned, and what lies there once that is known.
+    zoom_anchor: Option<(egui::Pos2, Option<Vec3>)>,
+    picks: ScenePicks,
     /// Where the view was put to look through a camera.
     through: Option<Orbit>,
     hover: SceneHover,
@@ -64,6 +67,7 @@ impl ScenePane {
             orbit: None,
             framed: Framed::default(),
             zoom_anchor: None,
+            picks: ScenePicks::default(),
             through: None,
             hover: SceneHover::default(),
         }
@@ -73,6 +77,7 @@ impl ScenePane {
     pub fn clear(&mut self) {
         self.orbit = None;
         self.framed = Framed::default();
+        self.picks = ScenePicks::default();
     }
 
     /// The tool bar and the view.
@@ -101,6 +106,7 @@ impl ScenePane {
             );
         };
         let camera = orbit.camera(size.x.max(1.0) as u32, size.y.max(1.0) as u32);
+        self.take_picks(look, view);
         self.turn(ui, &response, view);
         self.input(ui, &response, look, view, &camera);
         // Whoever moves the view does not look through the camera any more.
@@ -185,6 +191,7 @@ impl ScenePane {
             level: view.scene.level,
             hidden: view.hidden.clone(),
             isolated: view.scene.isolated,
+            doubtful_below: view.scene.doubtful_below,
             faint: view.prefs.scene.faint,
             tree: look.shown_tree(),
             votes: look.votes.cloned(),
@@ -238,38 +245,65 @@ impl ScenePane {
         }
         if choosing {
             choose_by_hand(ui, response, view, camera, &seen.clip);
-        } else if response.double_clicked() {
-            let at =
-                response.interact_pointer_pos().and_then(|at| point_at(look, &seen, camera, in_view(at), 12.0 * scale));
-            if let Some(at) = at {
-                orbit.recentre(at);
-            }
         } else if response.secondary_clicked() && view.ruler.in_hand {
             view.ruler.undo_click();
-        } else if response.clicked() && ui.input(|i| i.modifiers.alt) {
-            let at = response.interact_pointer_pos();
-            let point = at.and_then(|at| picked(look, &seen, camera, in_view(at), 10.0 * scale));
-            let label = point.zip(look.cloud).map(|(point, cloud)| cloud.labels[point]);
-            view.scene.isolate(view.scene.shown_as(labels_of(look), label.unwrap_or_default()));
-        } else if response.clicked() && view.ruler.in_hand {
-            let at = response.interact_pointer_pos();
-            let point = at.and_then(|at| point_at(look, &seen, camera, in_view(at), 14.0 * scale));
-            point.into_iter().for_each(|at| view.ruler.click(at));
-        } else if response.clicked()
-            && view.prefs.frusta
-            && let Some(at) = response.interact_pointer_pos()
-            && let Some(frame) = pick_frustum(&look.project.frames, camera, in_view(at), 14.0 * scale)
-        {
-            view.go_to(frame);
-        } else if response.clicked() {
-            let at = response.interact_pointer_pos();
-            let point = at.and_then(|at| picked(look, &seen, camera, in_view(at), 10.0 * scale));
-            view.asked = point.zip(look.cloud).map(|(point, cloud)| Asked::new(cloud, look.votes, point));
+        } else if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
+            let frame = pick_frustum(&look.project.frames, camera, in_view(at), 14.0 * scale);
+            let (purpose, near_px) = match ui.input(|i| i.modifiers.alt) {
+                _ if response.double_clicked() => (Purpose::Recentre, 12.0),
+                true => (Purpose::Isolate, 10.0),
+                false if view.ruler.in_hand => (Purpose::Measure, 14.0),
+                false => (Purpose::Ask, 10.0),
+            };
+            match (purpose, frame.filter(|_| view.prefs.frusta)) {
+                (Purpose::Ask, Some(frame)) => view.go_to(frame),
+                _ => self.pick(ui, purpose, look, &seen, camera, (in_view(at), near_px * scale)),
+            }
         }
         self.zoom(ui, response, look, &seen, camera, in_view);
     }
 
-    /// Wheel: zoom to what is under the pointer; looked up once while the pointer rests.
+    /// Begins to look for a point; labels are those of the labelled cloud, all else is of what is shown.
+    fn pick(
+        &mut self,
+        ui: &Ui,
+        purpose: Purpose,
+        look: &Look<'_>,
+        seen: &Seen,
+        camera: &ViewCamera,
+        near: (Vec2, f32),
+    ) {
+        let labelled = look.cloud.filter(|_| look.growing.is_none());
+        let cloud = if matches!(purpose, Purpose::Ask | Purpose::Isolate) { labelled } else { look.points() };
+        if let Some(cloud) = cloud {
+            self.picks.begin(ui, purpose, cloud, near, (camera, &seen.appearance, &seen.clip));
+        }
+    }
+
+    /// Does what was meant by the clicks whose points are found.
+    fn take_picks(&mut self, look: &Look<'_>, view: &mut ViewState) {
+        while let Some(picked) = self.picks.next() {
+            let (place, label) = (picked.place(), picked.point.map(|point| picked.cloud.labels[point]));
+            match (picked.purpose, &mut self.orbit) {
+                (Purpose::Ask, _) => {
+                    let votes = look.votes.filter(|votes| votes.len() == picked.cloud.len());
+                    view.asked = picked.point.map(|point| Asked::new(&picked.cloud, votes, point));
+                }
+                (Purpose::Isolate, _) => {
+                    view.scene.isolate(view.scene.shown_as(labels_of(look), label.unwrap_or_default()));
+                }
+                (Purpose::Measure, _) => place.into_iter().for_each(|at| view.ruler.click(at)),
+                (Purpose::Recentre, Some(orbit)) => place.into_iter().for_each(|at| orbit.recentre(at)),
+                (Purpose::Zoom(at), _) if self.zoom_anchor.is_some_and(|(of, _)| of == at) => {
+                    self.zoom_anchor = Some((at, place));
+                }
+                (Purpose::Recentre | Purpose::Zoom(_), _) => {}
+            }
+        }
+    }
+
+    /// Wheel: zoom to what is under the pointer, looked for once while the pointer rests; until it is found, to what is as far
+    /// away as the middle of the view.
     fn zoom(
         &mut self,
         ui: &Ui,
@@ -279,19 +313,20 @@ impl ScenePane {
         camera: &ViewCamera,
         in_view: impl Fn(egui::Pos2) -> Vec2,
     ) {
-        let (Some(at), Some(orbit)) = (response.hover_pos(), &mut self.orbit) else { return };
+        let Some(at) = response.hover_pos() else { return };
         let (scroll, pinch) = ui.input(|i| (i.smooth_scroll_delta(), i.zoom_delta()));
         let factor = (-(scroll.x + scroll.y) / 300.0).exp() / pinch;
         if (factor - 1.0).abs() < 1e-6 {
             return;
         }
-        let anchor = match self.zoom_anchor {
-            Some((place, anchor)) if place == at => anchor,
-            _ => point_at(look, seen, camera, in_view(at), 30.0)
-                .unwrap_or_else(|| camera.unproject(in_view(at), orbit.distance)),
-        };
-        self.zoom_anchor = Some((at, anchor));
-        orbit.zoom(factor, anchor);
+        if self.zoom_anchor.is_none_or(|(of, _)| of != at) {
+            self.zoom_anchor = Some((at, None));
+            self.pick(ui, Purpose::Zoom(at), look, seen, camera, (in_view(at), 30.0));
+        }
+        if let Some(orbit) = &mut self.orbit {
+            let known = self.zoom_anchor.and_then(|(_, anchor)| anchor);
+            orbit.zoom(factor, known.unwrap_or_else(|| camera.unproject(in_view(at), orbit.distance)));
+        }
     }
 
     fn draw(&mut self, ui: &Ui, rect: Rect, look: &Look<'_>, view: &ViewState) {
@@ -342,17 +377,6 @@ fn model(look: &Look<'_>, view: &ViewState) -> Option<Model> {
         (Shown::Wireframe, Some(surface)) => Some(Model::Wireframe(Arc::clone(surface))),
         _ => look.points().cloned().map(Model::Cloud),
     }
-}
-
-fn point_at(look: &Look<'_>, seen: &Seen, camera: &ViewCamera, at_px: Vec2, radius_px: f32) -> Option<Vec3> {
-    let cloud = look.points()?;
-    pick_point(cloud, camera, at_px, radius_px, &seen.appearance, &seen.clip).map(|index| cloud.positions[index])
-}
-
-/// The point of the labelled cloud at a place, where that is what is shown.
-fn picked(look: &Look<'_>, seen: &Seen, camera: &ViewCamera, at_px: Vec2, radius_px: f32) -> Option<usize> {
-    let cloud = look.cloud.filter(|_| look.growing.is_none())?;
-    pick_point(cloud, camera, at_px, radius_px, &seen.appearance, &seen.clip)
 }
 
 fn bounds(look: &Look<'_>) -> Option<Bounds> {

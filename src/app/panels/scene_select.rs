@@ -140,8 +140,9 @@ fn region(view: &ViewState, rect: Rect, scale: f32, (camera, clip): (&ViewCamera
     let radius_px = if select.shape == SelectShape::Brush { f64::from(select.brush * scale) } else { 0.0 };
     let hidden: Vec<LabelId> = view.hidden.iter().copied().collect();
     let points_px = select.outline().into_iter().map(in_picture).collect();
-    let (isolated, cube_from_world) = (view.scene.isolated, clip.cube_from_world());
-    SeenRegion { eye: camera.eye(), points_px, radius_px, remove, hidden, isolated, cube_from_world }
+    let scene = &view.scene;
+    let (isolated, doubtful_below, cube_from_world) = (scene.isolated, scene.doubtful_below, clip.cube_from_world());
+    SeenRegion { eye: camera.eye(), points_px, radius_px, remove, hidden, isolated, doubtful_below, cube_from_world }
 }
 
 /// Whether points are chosen, so that they can be corrected.

@@ -132,8 +132,10 @@ impl Selector {
         let hidden: Vec<LabelId> = ids.filter(is_hidden).collect();
         let is_there =
             |x: Vec3| seen.cube_from_world.is_none_or(|cube| cube.transform_point3(x).abs().max_element() <= 1.0);
-        let is_drawn =
-            |point: usize| !hidden.contains(&self.cloud.labels[point]) && is_there(self.cloud.positions[point]);
+        let stands_out = |point: usize| seen.doubtful_below.is_none_or(|below| self.cloud.is_doubtful(point, below));
+        let is_drawn = |point: usize| {
+            !hidden.contains(&self.cloud.labels[point]) && stands_out(point) && is_there(self.cloud.positions[point])
+        };
         Ok(seen_in(&self.cloud.positions, f64::from(self.spacing), &sight, &region, is_drawn))
     }
 }

@@ -40,6 +40,9 @@ pub struct SeenRegion {
     /// The label beside which (and all below it) everything is looked through; `None` = nothing stands out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub isolated: Option<LabelId>,
+    /// All but points whose label won less than this share of the votes are looked through, 0–1; `None` = nothing stands out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub doubtful_below: Option<f32>,
     /// What takes the part of world space that is there to be seen to the cube from −1 to 1; `None` = all of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cube_from_world: Option<Mat4>,

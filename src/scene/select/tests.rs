@@ -35,8 +35,16 @@ fn eye() -> Eye {
 
 fn lasso(corners: &[[f64; 2]]) -> SeenRegion {
     let points_px = corners.iter().map(|&at| DVec2::from_array(at)).collect();
-    let (isolated, cube_from_world) = (None, None);
-    SeenRegion { eye: eye(), points_px, radius_px: 0.0, remove: false, hidden: Vec::new(), isolated, cube_from_world }
+    SeenRegion {
+        eye: eye(),
+        points_px,
+        radius_px: 0.0,
+        remove: false,
+        hidden: Vec::new(),
+        isolated: None,
+        doubtful_below: None,
+        cube_from_world: None,
+    }
 }
 
 fn everything() -> SeenRegion {
@@ -83,6 +91,11 @@ fn what_does_not_stand_out_or_is_cut_away_is_looked_through() {
     let cloud = scene();
     let isolated = SeenRegion { isolated: Some(WALL), ..everything() };
     assert_eq!(counts(&cloud, &[SelectStep::Seen(isolated)]), (0, 101 * 101));
+    // Nobody was at odds about the plate.
+    let mut contested = scene();
+    contested.confidence = contested.labels.iter().map(|&id| if id == PLATE { 1.0 } else { 0.6 }).collect();
+    let doubtful = SeenRegion { doubtful_below: Some(0.7), ..everything() };
+    assert_eq!(counts(&contested, &[SelectStep::Seen(doubtful)]), (0, 101 * 101));
     // From z = 0.5 to z = 1.5, however far to the sides.
     let cube = Mat4::from_scale(Vec3::new(0.01, 0.01, 2.0)) * Mat4::from_translation(Vec3::NEG_Z);
     let cut = SeenRegion { cube_from_world: Some(cube), ..everything() };

@@ -24,6 +24,7 @@ pub(super) struct Sources {
     pub(super) store: Arc<FrameStore>,
     /// The labelled cloud in memory, or where it lies.
     cloud: Option<Arc<LabelledCloud>>,
+    cloud_votes: Option<Arc<Votes>>,
     cloud_file: Option<PathBuf>,
     /// The project's folder; `None` for a PLY that is inspected.
     root: Option<PathBuf>,
@@ -32,6 +33,10 @@ pub(super) struct Sources {
     votes_file: Option<PathBuf>,
     /// Of lengths in the scene.
     unit: LengthUnit,
+    /// What the cloud was made of has changed since.
+    is_stale: bool,
+    /// The labels of the cloud in memory followed the masks.
+    follows: bool,
 }
 
 impl Session {
@@ -57,9 +62,23 @@ impl Session {
         let cloud_file = version.and_then(|version| Some(cloud_path(root.as_deref()?, version)));
         let votes_file = version.and_then(|version| Some(votes_path(root.as_deref()?, version)));
         let store = Arc::clone(&self.store);
-        let (cloud, surface) = (self.cloud().cloned(), self.surface_file());
-        let unit = self.length_unit();
-        Ok(Sources { project, store, cloud, cloud_file, votes_file, root, surface, unit })
+        let (cloud, cloud_votes) = (self.cloud().cloned(), self.votes().cloned());
+        let (surface, unit) = (self.surface_file(), self.length_unit());
+        let is_stale = project.results.get(&ResultKind::Cloud).is_some_and(|record| record.stale);
+        let follows = self.cloud_state().is_some_and(|state| state.round > 0);
+        Ok(Sources {
+            is_stale,
+            follows,
+            project,
+            store,
+            cloud,
+            cloud_votes,
+            cloud_file,
+            votes_file,
+            root,
+            surface,
+            unit,
+        })
     }
 }
 
@@ -93,7 +112,7 @@ fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
 
 /// Writes what was asked for; returns what the user should know.
 fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Result<Vec<String>> {
-    let mut warnings = Vec::new();
+    let mut warnings: Vec<String> = outdated(request, sources).into_iter().collect();
     if request.cloud.is_some() || request.voxels.is_some() || request.traits.is_some() {
         let cloud = load_cloud(sources, progress)?;
         if let Some(path) = &request.cloud {
@@ -125,6 +144,21 @@ fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Res
     Ok(warnings)
 }
 
+/// A warning where masks, cameras or labels are not what the points or triangles were made of.
+fn outdated(request: &ExportRequest, sources: &Sources) -> Option<String> {
+    let of_points = [&request.cloud, &request.voxels, &request.traits].into_iter().any(Option::is_some);
+    let what = match (of_points && !sources.follows, request.mesh.is_some()) {
+        (true, true) => "cloud and its mesh were",
+        (true, false) => "cloud was",
+        (false, true) => "mesh was",
+        (false, false) => return None,
+    };
+    let text = format!(
+        "the {what} made from something that has changed since, and written as it was; fuse for the state of now"
+    );
+    sources.is_stale.then_some(text)
+}
+
 fn mask_format(request: &ExportRequest) -> Result<MaskFormat> {
     Ok(request.mask_format.as_deref().map(str::parse).transpose()?.unwrap_or_default())
 }
@@ -153,8 +187,9 @@ impl Sources {
     }
 
     /// How the cloud was voted on; `None` for a PLY that is inspected.
-    pub(super) fn votes(&self) -> Result<Option<Votes>> {
-        self.votes_file.as_deref().map(read_votes_file).transpose()
+    pub(super) fn votes(&self) -> Result<Option<Arc<Votes>>> {
+        let read = || self.votes_file.as_deref().map(read_votes_file).transpose();
+        if self.cloud_votes.is_some() { Ok(self.cloud_votes.clone()) } else { Ok(read()?.map(Arc::new)) }
     }
 }
 

@@ -6,6 +6,7 @@
 mod choose;
 mod hand;
 mod options;
+mod outline;
 mod play;
 mod report;
 mod sequence;

@@ -15,7 +15,9 @@ pub struct InteractOptions {
     pub jitter_px: f64,
     /// Another seed makes clicks fall elsewhere.
     pub seed: u64,
-    /// Bounds of the clicks over the whole sequence, which are two for each frame and label of the truth.
+    /// How far the border of an outline that is drawn by hand may lie off between two corners, in pixels; above 0.
+    pub outline_px: f64,
+    /// Bounds of the clicks over the whole sequence, which are ten for each frame and label of the truth.
     pub clicks: (usize, usize),
 }
 
@@ -28,7 +30,8 @@ impl Default for InteractOptions {
             enough_iou: 0.95,
             jitter_px: 0.0,
             seed: 1,
-            clicks: (20, 200),
+            outline_px: 2.0,
+            clicks: (20, 1000),
         }
     }
 }
@@ -37,6 +40,6 @@ impl InteractOptions {
     /// Most clicks over a sequence.
     #[must_use]
     pub fn most_clicks(&self, sequence: &Sequence) -> usize {
-        (2 * sequence.truth.len() * sequence.shown().len()).clamp(self.clicks.0, self.clicks.1)
+        (10 * sequence.truth.len() * sequence.shown().len()).clamp(self.clicks.0, self.clicks.1)
     }
 }

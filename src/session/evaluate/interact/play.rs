@@ -53,6 +53,7 @@ pub fn interact(
         reached: game.goals.to_vec(),
         mean_iou: game.mean_iou,
         clicks: game.user.clicks(),
+        corners: game.user.corners(),
         corrected: game.corrected.len(),
         seconds,
         frame_by_frame: alone.values().copied().sum(),

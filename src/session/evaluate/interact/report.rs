@@ -17,8 +17,10 @@ pub struct InteractReport {
     pub reached: Vec<Goal>,
     /// Mean IoU at the end.
     pub mean_iou: f64,
-    /// Clicks given in all.
+    /// Clicks given in all, with the corners of outlines.
     pub clicks: usize,
+    /// The corners of outlines among them.
+    pub corners: usize,
     /// Frames that were corrected after the first.
     pub corrected: usize,
     /// Time of clicking and tracking.
@@ -40,7 +42,7 @@ pub struct Goal {
     pub clicks: Option<usize>,
 }
 
-/// Frames clicked from nothing by the segmenter alone, until all its labels are good or the clicks are used up.
+/// Frames labelled from nothing without a tracker, by clicks and what is drawn by hand after them, until all labels are good.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct FrameByFrame {
     /// Number of frames.

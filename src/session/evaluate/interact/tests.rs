@@ -136,10 +136,23 @@ fn corrections_between_anchors_make_a_sequence_good() {
 }
 
 #[test]
-fn a_segmenter_that_never_gets_there_ends_all_the_same() {
+fn what_clicks_cannot_do_is_drawn_and_its_corners_count() {
     let folder = tempfile::tempdir().unwrap();
     let sequence = sequence(folder.path());
     let options = InteractOptions::default();
+    let report =
+        interact(&sequence, &ByColor { whole: false }, &Copier::default(), &options, &Progress::default()).unwrap();
+    // Three clicks in vain and the four corners of a rectangle.
+    assert_eq!(report.frame_by_frame, FrameByFrame { frames: 12, clicks: 21 * (options.patience + 4), failed: 0 });
+    assert!(report.mean_iou >= 0.95 && report.corners > 0 && report.corners.is_multiple_of(4), "{report:?}");
+    assert!(report.clicks * 4 >= report.corners * 7, "clicks in vain come before each: {report:?}");
+}
+
+#[test]
+fn a_hand_too_coarse_ends_all_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let sequence = sequence(folder.path());
+    let options = InteractOptions { outline_px: 100.0, ..InteractOptions::default() };
     let report =
         interact(&sequence, &ByColor { whole: false }, &Copier::default(), &options, &Progress::default()).unwrap();
     assert!(report.reached.iter().all(|goal| goal.clicks.is_none()) && report.saved().is_none());

@@ -5,9 +5,10 @@ use anyhow::Result;
 
 use super::choose::IousByLabel;
 use super::hand::Hand;
+use super::outline::{Drawn, drawn};
 use super::{InteractOptions, Sequence};
 use crate::engine::job::Progress;
-use crate::masks::{Click, LabelId, RunMask, Segmenter, Tracker, next_label_click};
+use crate::masks::{Click, LabelId, LabelMask, RunMask, Segmenter, Tracker, next_label_click};
 use crate::session::commands::{LabelChoice, anchor, answer, carried, mask_of, track_request, with_answer};
 use crate::session::prepared::PreparedFrames;
 use crate::session::{Edit, MaskOrigin, Project, PromptRequest, TrackSettings};
@@ -44,6 +45,7 @@ pub struct RobotUser<'a> {
     hand: Hand,
     project: Project,
     clicks: usize,
+    corners: usize,
     most_clicks: usize,
 }
 
@@ -60,12 +62,17 @@ impl<'a> RobotUser<'a> {
         most_clicks: usize,
     ) -> Self {
         let (hand, project) = (Hand::new(options, turn), sequence.project());
-        Self { sequence, segmenter, prepared, progress, options, hand, project, clicks: 0, most_clicks }
+        Self { sequence, segmenter, prepared, progress, options, hand, project, clicks: 0, corners: 0, most_clicks }
     }
 
-    /// Clicks given so far; those taken back count.
+    /// Clicks given so far; those taken back count, and corners of outlines.
     pub fn clicks(&self) -> usize {
         self.clicks
+    }
+
+    /// How many of the clicks are corners of outlines.
+    pub fn corners(&self) -> usize {
+        self.corners
     }
 
     /// Whether no click is left.
@@ -75,8 +82,8 @@ impl<'a> RobotUser<'a> {
 
     /// Clicks on a frame, once for each of `labels` that it does not show yet, then always into the largest error of
     /// those whose IoU is below `good_iou`, at most `most` times for each, and not on where several clicks in a row hardly
-    /// bettered it. The best that was reached on the way stands, the clicks after it are taken back (and count). Says
-    /// whether the frame is better than before.
+    /// bettered it. The best that was reached on the way stands, the clicks after it are taken back (and count). What is not
+    /// good then is drawn with polygons. Says whether the frame is better than before.
     pub fn visit(&mut self, frame: usize, labels: &[LabelId], good_iou: f64, most: usize) -> Result<bool> {
         let truth = self.sequence.truth_of(frame)?.decode();
         let was = self.frame_iou(frame)?;
@@ -104,7 +111,26 @@ impl<'a> RobotUser<'a> {
             }
         }
         self.project = best.1;
-        Ok(best.0 > was)
+        for &label in labels {
+            self.draw(frame, label, &truth)?;
+        }
+        Ok(self.frame_iou(frame)? > was)
+    }
+
+    /// Draws a label that is not good on a frame, where clicks are left and it is better for it.
+    fn draw(&mut self, frame: usize, label: LabelId, truth: &LabelMask) -> Result<()> {
+        let (is, good_iou) = (self.ious(frame)?.get(&label).copied(), self.options.good_iou);
+        let Some(is) = is.filter(|&iou| iou < good_iou && !self.is_spent()) else { return Ok(()) };
+        let sequence = self.sequence;
+        let of_truth = sequence.truth_of(frame)?;
+        let iou = |mask: &LabelMask| of_truth.ious(&RunMask::encode(mask)).get(&label).copied().unwrap_or(1.0);
+        let mask = mask_of(&self.project, frame)?;
+        let drawn = drawn((truth, &mask), (label, &sequence.labels), (&iou, good_iou), self.options.outline_px)?;
+        let Some(Drawn { mask, corners }) = drawn.filter(|drawn| iou(&drawn.mask) > is) else { return Ok(()) };
+        self.project.apply(Edit::SetMask { frame, mask: Some(anchor(&mask)) })?;
+        self.clicks += corners;
+        self.corners += corners;
+        Ok(())
     }
 
     /// Carries the masks of all anchors to all frames.

@@ -1,0 +1,144 @@
+use anyhow::Result;
+
+use crate::masks::{
+    LabelId, LabelMask, LabelTree, Outline, PaintRule, Region, assign, erase, fill_polygons, outlines, wrong_part,
+};
+
+/// What a user draws with the polygon tool, corner by corner.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawn {
+    /// The frame's mask afterwards.
+    pub mask: LabelMask,
+    /// Corners of all polygons: each is a click.
+    pub corners: usize,
+}
+
+/// How much of a label on a frame is right.
+type Iou<'a> = &'a dyn Fn(&LabelMask) -> f64;
+
+/// Draws what clicks could not: polygons around the wrong parts of a label on a frame, the largest first, until its IoU is
+/// good; or, where that takes fewer corners, around the whole of it. Between two corners a border may lie `off_px` off. `None`
+/// where everything is finer than that.
+///
+/// # Errors
+/// When the masks differ in size.
+pub fn drawn(
+    (truth, mask): (&LabelMask, &LabelMask),
+    (label, tree): (LabelId, &LabelTree),
+    (iou, good_iou): (Iou<'_>, f64),
+    off_px: f64,
+) -> Result<Option<Drawn>> {
+    let whole = drawn_whole(truth, mask, (label, tree), off_px)?;
+    let parts = drawn_parts((truth, mask), (label, tree), (iou, good_iou), off_px, whole.as_ref())?;
+    Ok(parts.or(whole))
+}
+
+/// The label taken off the frame and drawn anew.
+fn drawn_whole(
+    truth: &LabelMask,
+    mask: &LabelMask,
+    (label, tree): (LabelId, &LabelTree),
+    off_px: f64,
+) -> Result<Option<Drawn>> {
+    let polygons = polygons(&truth.region(label), off_px);
+    if polygons.is_empty() {
+        return Ok(None);
+    }
+    let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
+    erase(&mut drawn.mask, &mask.region(label), Some(label))?;
+    for polygon in &polygons {
+        drawn.draw(polygon, (label, tree), true)?;
+    }
+    Ok(Some(drawn))
+}
+
+/// Wrong parts drawn one after the other; `None` where `otherwise` takes fewer corners, or they do not make the label good.
+fn drawn_parts(
+    (truth, mask): (&LabelMask, &LabelMask),
+    (label, tree): (LabelId, &LabelTree),
+    (iou, good_iou): (Iou<'_>, f64),
+    off_px: f64,
+    otherwise: Option<&Drawn>,
+) -> Result<Option<Drawn>> {
+    let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
+    while iou(&drawn.mask) < good_iou {
+        let Some(wrong) = wrong_part(truth, &drawn.mask, &[label]) else { break };
+        let Some(polygon) = polygons(&wrong.pixels, off_px).into_iter().next() else { return Ok(None) };
+        drawn.draw(&polygon, (label, tree), wrong.include)?;
+        if otherwise.is_some_and(|otherwise| drawn.corners >= otherwise.corners) {
+            return Ok(None);
+        }
+    }
+    Ok(Some(drawn))
+}
+
+impl Drawn {
+    fn draw(&mut self, polygon: &Outline, (label, tree): (LabelId, &LabelTree), include: bool) -> Result<()> {
+        let ring = polygon.keyhole();
+        let region = fill_polygons(self.mask.width, self.mask.height, std::slice::from_ref(&ring))?;
+        if include {
+            assign(&mut self.mask, &region, label, PaintRule::Replace, tree)?;
+        } else {
+            erase(&mut self.mask, &region, Some(label))?;
+        }
+        self.corners += ring.len();
+        Ok(())
+    }
+}
+
+/// What a hand draws around the parts of a region.
+fn polygons(region: &Region, off_px: f64) -> Vec<Outline> {
+    outlines(region).iter().filter_map(|outline| outline.simplified(off_px)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LABEL: LabelId = LabelId(1);
+    const SIZE: u32 = 100;
+
+    fn mask(is_inside: impl Fn(u32, u32) -> bool) -> LabelMask {
+        let id = |at: u32| if is_inside(at % SIZE, at / SIZE) { LABEL } else { LabelId::NONE };
+        LabelMask { width: SIZE, height: SIZE, ids: (0..SIZE * SIZE).map(id).collect() }
+    }
+
+    fn drawn_from(truth: &LabelMask, mask: &LabelMask) -> Option<Drawn> {
+        let iou = |mask: &LabelMask| {
+            let pairs = || mask.ids.iter().zip(&truth.ids);
+            let both = pairs().filter(|(a, b)| **a == LABEL && **b == LABEL).count();
+            both as f64 / pairs().filter(|(a, b)| **a == LABEL || **b == LABEL).count() as f64
+        };
+        drawn((truth, mask), (LABEL, &LabelTree::default()), (&iou, 0.9), 2.0).unwrap()
+    }
+
+    #[test]
+    fn one_wrong_part_is_drawn_and_the_rest_left_as_it_is() {
+        let truth = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y));
+        let missed = mask(|x, y| (20..80).contains(&x) && (20..60).contains(&y) && x + y > 45);
+        assert_eq!(drawn_from(&truth, &missed).unwrap().corners, 4, "the missed stripe, not the corner");
+        let taken = mask(|x, y| (20..80).contains(&x) && (20..95).contains(&y));
+        assert_eq!(drawn_from(&truth, &taken).unwrap(), Drawn { mask: truth.clone(), corners: 4 });
+    }
+
+    #[test]
+    fn the_whole_is_drawn_where_that_is_less_work() {
+        let truth = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y));
+        let stripes = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y) && x / 5 % 2 == 0);
+        assert_eq!(drawn_from(&truth, &stripes).unwrap(), Drawn { mask: truth.clone(), corners: 4 });
+        let within = |x: u32, y: u32, side: std::ops::Range<u32>| side.contains(&x) && side.contains(&y);
+        let ring = mask(|x, y| within(x, y, 20..80) && !within(x, y, 40..60));
+        let again = drawn_from(&ring, &mask(|_, _| false)).unwrap();
+        assert!(again.mask.ids[(50 * SIZE + 50) as usize] == LabelId::NONE, "holes stay");
+    }
+
+    #[test]
+    fn what_is_finer_than_the_hand_is_not_drawn() {
+        let dust = mask(|x, y| x % 10 == 0 && y % 10 == 0);
+        assert_eq!(drawn_from(&dust, &mask(|_, _| false)), None);
+        let line = mask(|x, y| x == 50 && y < 90);
+        let beside = mask(|x, y| (50..60).contains(&x) && y < 90);
+        let drawn = drawn_from(&line, &beside);
+        assert!(drawn.is_none_or(|drawn| drawn.corners <= 8));
+    }
+}

@@ -1,0 +1,119 @@
+//! A cloud that follows the masks: after a correction its points vote again in memory, without a new fusion.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+
+use ostra::masks::{LabelId, RunMask, encode_palette_png};
+use ostra::scene::LabelledCloud;
+use ostra::scene::ply::read_ply;
+use ostra::session::{Command, Event, ExportRequest, FuseRequest, ResultKind, Session, Surface};
+
+use super::correct::{JOKES, TISSUES, truth, wrongly_labelled};
+use super::session::perform;
+use crate::support::data_dir;
+
+/// Imports the true masks of some frames.
+fn put_right(session: &mut Session, data: &Path, folder: &Path, frames: std::ops::Range<usize>) {
+    let masks = folder.join(format!("right-{}", frames.start));
+    std::fs::create_dir(&masks).unwrap();
+    for frame in frames {
+        let png =
+            encode_palette_png(&RunMask::encode(&truth(data, frame)), &session.project().unwrap().labels).unwrap();
+        std::fs::write(masks.join(format!("{frame:06}.png")), png).unwrap();
+    }
+    perform(session, Command::ImportMasks { dir: masks, format: "davis".into() }).unwrap();
+}
+
+/// Lets the cloud follow the masks, and waits for it.
+fn followed(session: &mut Session) -> Arc<LabelledCloud> {
+    session.follow_masks();
+    let events = session.settle(|_| ControlFlow::Continue(()));
+    assert!(!events.iter().any(|event| matches!(event, Event::Failed { .. } | Event::Warning(_))), "{events:?}");
+    Arc::clone(session.cloud().unwrap())
+}
+
+fn count(cloud: &LabelledCloud, label: LabelId) -> usize {
+    cloud.labels.iter().filter(|&&id| id == label).count()
+}
+
+fn doubts(session: &mut Session) -> BTreeMap<usize, f32> {
+    let _ = session.doubts();
+    session.settle(|_| ControlFlow::Continue(()));
+    session.doubts().iter().map(|(&frame, doubt)| (frame, doubt.share())).collect()
+}
+
+fn fuse() -> Command {
+    Command::Fuse(FuseRequest { voxel: Some(0.004), ..FuseRequest::default() })
+}
+
+#[test]
+fn labels_of_the_cloud_follow_the_masks_and_are_those_of_a_new_fusion() {
+    let Some(data) = data_dir() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = wrongly_labelled(&data, folder.path());
+    let file = session.root().unwrap().join("cloud.ply");
+    let (wrong, written) = (Arc::clone(session.cloud().unwrap()), std::fs::read(&file).unwrap());
+    assert!(Arc::ptr_eq(&followed(&mut session), &wrong), "nothing changed since the points voted");
+    assert!(doubts(&mut session).values().all(|&doubt| doubt < 0.1));
+    // One frame is outvoted: only shares change. Ten of the fifteen win.
+    put_right(&mut session, &data, folder.path(), 7..8);
+    let one = followed(&mut session);
+    assert!(one.labels != wrong.labels || one.confidence != wrong.confidence);
+    assert!(count(&one, TISSUES) < count(&one, JOKES) / 10, "{} points", count(&one, TISSUES));
+    put_right(&mut session, &data, folder.path(), 0..10);
+    let ten = followed(&mut session);
+    assert!(count(&ten, TISSUES) > 1000, "{} points", count(&ten, TISSUES));
+    let doubts = doubts(&mut session);
+    assert!(doubts[&14] > 0.1 && doubts[&3] < 0.1, "the five that are still wrong are doubtful now: {doubts:?}");
+    for surface in [Surface::Voxels, Surface::Mesh] {
+        let _ = session.surface(surface);
+        session.settle(|_| ControlFlow::Continue(()));
+        assert!(session.surface(surface).unwrap().vertices.labels.contains(&TISSUES), "{surface:?}");
+    }
+    assert!(session.project().unwrap().results[&ResultKind::Cloud].stale);
+    assert!(std::fs::read(&file).unwrap() == written, "files are made anew by a fusion only");
+    exported(&mut session, folder.path(), &ten);
+    opened_again(&mut session, &ten);
+    let votes = Arc::clone(session.votes().unwrap());
+    perform(&mut session, fuse()).unwrap();
+    let fused = session.cloud().unwrap();
+    assert!(fused.labels == ten.labels && fused.confidence == ten.confidence && **session.votes().unwrap() == *votes);
+    // Before that fusion, and before ten masks were right: the cloud that is read again follows as well.
+    for _ in 0..2 {
+        perform(&mut session, Command::Undo).unwrap();
+        let _ = session.cloud();
+        session.settle(|_| ControlFlow::Continue(()));
+    }
+    assert_eq!(followed(&mut session).labels, one.labels);
+    perform(&mut session, Command::Undo).unwrap();
+    assert_eq!(followed(&mut session).labels, wrong.labels);
+}
+
+/// What is written is what is seen; what did not follow is told.
+fn exported(session: &mut Session, folder: &Path, seen: &LabelledCloud) {
+    let (cloud, mesh) = (folder.join("followed.ply"), folder.join("mesh.ply"));
+    let warnings = |session: &mut Session, request: ExportRequest| -> Vec<String> {
+        let events = perform(session, Command::Export(request)).unwrap();
+        let warning = |event| if let Event::Warning(text) = event { Some(text) } else { None };
+        events.into_iter().filter_map(warning).collect()
+    };
+    let of_cloud = ExportRequest { cloud: Some(cloud.clone()), ..ExportRequest::default() };
+    assert_eq!(warnings(session, of_cloud), Vec::<String>::new());
+    assert_eq!(read_ply(&cloud, &Default::default()).unwrap().cloud.labels, seen.labels);
+    let of_mesh = ExportRequest { mesh: Some(mesh), ..ExportRequest::default() };
+    let told = warnings(session, of_mesh);
+    assert!(told.len() == 1 && told[0].contains("mesh was made from something that has changed"), "{told:?}");
+}
+
+/// Another session finds the cloud as it was written, and lets it follow.
+fn opened_again(session: &mut Session, before: &LabelledCloud) {
+    let root = session.root().unwrap().to_owned();
+    *session = Session::new();
+    perform(session, Command::Open(root)).unwrap();
+    let _ = session.cloud();
+    session.settle(|_| ControlFlow::Continue(()));
+    assert!(session.cloud().unwrap().labels != before.labels);
+    assert_eq!(followed(session).labels, before.labels);
+}
