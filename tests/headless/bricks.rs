@@ -54,6 +54,18 @@ fn wheels_clicked_as_one_class_become_six_instances() {
 }
 
 #[test]
+fn noise_of_a_sensor_spoils_depth_but_not_the_truth() {
+    let out = tempfile::tempdir().unwrap();
+    let (exact, noisy) = (out.path().join("exact"), out.path().join("noisy"));
+    let small = ["--frames", "4", "--size", "120x90"];
+    demo(&exact, &small);
+    demo(&noisy, &[&small[..], &["--noise"]].concat());
+    let same = |file: &str| std::fs::read(exact.join(file)).unwrap() == std::fs::read(noisy.join(file)).unwrap();
+    assert!(!same("recording/depth/000.png"));
+    assert!(same("truth/masks/000.png"));
+}
+
+#[test]
 fn instances_are_told_apart_again_by_the_command_line() {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("demo");

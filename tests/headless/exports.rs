@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::process::Command as Process;
 
 use ostra::scene::measure::LengthUnit;
 use ostra::session::{Command, MeasureWish, Session};
@@ -52,6 +53,21 @@ fn clouds_are_written_for_other_programs() {
 
     done(&["export", &project, "--cloud", &las, "--level", "1"]);
     assert!(las_labels(&las).contains(&(1, 64)), "read at the top level");
+}
+
+#[test]
+fn files_without_a_folder_are_written_where_one_stands() {
+    let (recording, project) = fused();
+    let here = recording.path("here");
+    std::fs::create_dir(&here).unwrap();
+    let files = ["--cloud", "c.ply", "--mesh", "m.glb", "--voxels", "v.npz", "--traits", "t.csv", "--masks", "masks"];
+    let more = ["--cameras", "sparse", "--undistorted", "flat", "--depths", "depths"];
+    let mut run = Process::new(env!("CARGO_BIN_EXE_ostra"));
+    let output = run.current_dir(&here).args(["export", &project]).args(files).args(more).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let there = |name: &&str| Path::new(&here).join(name).exists();
+    let names = files.iter().chain(&more).skip(1).step_by(2);
+    assert!(names.clone().all(there), "{:?}", names.filter(|name| !there(name)).collect::<Vec<_>>());
 }
 
 #[test]

@@ -67,4 +67,6 @@ mod suggestions;
 #[cfg(test)]
 mod thin;
 #[cfg(test)]
+mod traits;
+#[cfg(test)]
 mod words;

@@ -10,7 +10,7 @@ use anyhow::{Context, Result};
 /// # Errors
 /// When the file cannot be written; the old content stands.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
-    let folder = path.parent().unwrap_or(Path::new("."));
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     make_folder(folder)?;
     let temporary = temporary(path);
     let written = File::create(&temporary).and_then(|mut file| {

@@ -15,8 +15,11 @@ pub struct InteractOptions {
     pub jitter_px: f64,
     /// Another seed makes clicks fall elsewhere.
     pub seed: u64,
-    /// How far the border of an outline that is drawn by hand may lie off between two corners, in pixels; above 0.
+    /// The finest that a hand draws: how far a border lies off between two corners, in pixels; above 0.
     pub outline_px: f64,
+    /// IoU of a label up to which it is drawn by hand where clicks do not make it good: what is drawn is carried on, which costs
+    /// some; 0–1.
+    pub outline_iou: f64,
     /// Bounds of the clicks over the whole sequence, which are ten for each frame and label of the truth.
     pub clicks: (usize, usize),
 }
@@ -31,6 +34,7 @@ impl Default for InteractOptions {
             jitter_px: 0.0,
             seed: 1,
             outline_px: 2.0,
+            outline_iou: 0.95,
             clicks: (20, 1000),
         }
     }

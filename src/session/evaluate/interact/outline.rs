@@ -16,9 +16,11 @@ pub struct Drawn {
 /// How much of a label on a frame is right.
 type Iou<'a> = &'a dyn Fn(&LabelMask) -> f64;
 
-/// Draws what clicks could not: polygons around the wrong parts of a label on a frame, the largest first, until its IoU is
-/// good; or, where that takes fewer corners, around the whole of it. Between two corners a border may lie `off_px` off. `None`
-/// where everything is finer than that.
+/// How far the border of what is drawn lies off between two corners, in pixels: a hand is no finer than it must be.
+const OFF_PX: [f64; 4] = [8.0, 5.0, 3.0, 2.0];
+
+/// Draws what clicks could not: polygons around the whole of a label on a frame or around its wrong parts, the largest first,
+/// with as few corners as make its IoU good; where none do, what comes nearest. `None` where everything is finer than `finest_px`.
 ///
 /// # Errors
 /// When the masks differ in size.
@@ -26,46 +28,59 @@ pub fn drawn(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
     (iou, good_iou): (Iou<'_>, f64),
-    off_px: f64,
+    finest_px: f64,
 ) -> Result<Option<Drawn>> {
-    let whole = drawn_whole(truth, mask, (label, tree), off_px)?;
-    let parts = drawn_parts((truth, mask), (label, tree), (iou, good_iou), off_px, whole.as_ref())?;
-    Ok(parts.or(whole))
+    let mut best: Option<(Drawn, f64)> = None;
+    for off_px in OFF_PX.map(|off_px| off_px.max(finest_px)) {
+        let most = best.as_ref().filter(|(_, iou)| *iou >= good_iou).map_or(usize::MAX, |(best, _)| best.corners);
+        let whole = drawn_whole((truth, mask), (label, tree), off_px)?;
+        let parts = drawn_parts((truth, mask), (label, tree), (iou, good_iou), off_px, most)?;
+        for drawn in [whole, parts].into_iter().flatten() {
+            let is = iou(&drawn.mask);
+            let is_better =
+                best.as_ref().is_none_or(|(best, best_iou)| match (is >= good_iou, *best_iou >= good_iou) {
+                    (true, true) => drawn.corners < best.corners,
+                    (false, false) => is > *best_iou,
+                    (good, _) => good,
+                });
+            if is_better {
+                best = Some((drawn, is));
+            }
+        }
+    }
+    Ok(best.map(|(drawn, _)| drawn))
 }
 
 /// The label taken off the frame and drawn anew.
 fn drawn_whole(
-    truth: &LabelMask,
-    mask: &LabelMask,
+    (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
     off_px: f64,
 ) -> Result<Option<Drawn>> {
-    let polygons = polygons(&truth.region(label), off_px);
-    if polygons.is_empty() {
-        return Ok(None);
-    }
     let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
     erase(&mut drawn.mask, &mask.region(label), Some(label))?;
-    for polygon in &polygons {
-        drawn.draw(polygon, (label, tree), true)?;
+    for polygon in polygons(&truth.region(label), off_px) {
+        drawn.draw(&polygon, (label, tree), true)?;
     }
-    Ok(Some(drawn))
+    Ok((drawn.corners > 0).then_some(drawn))
 }
 
-/// Wrong parts drawn one after the other; `None` where `otherwise` takes fewer corners, or they do not make the label good.
+/// Wrong parts drawn one after the other until the label is good; `None` where that takes `most` corners or more, or a part is
+/// finer than what is drawn.
 fn drawn_parts(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
     (iou, good_iou): (Iou<'_>, f64),
     off_px: f64,
-    otherwise: Option<&Drawn>,
+    most: usize,
 ) -> Result<Option<Drawn>> {
     let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
     while iou(&drawn.mask) < good_iou {
         let Some(wrong) = wrong_part(truth, &drawn.mask, &[label]) else { break };
         let Some(polygon) = polygons(&wrong.pixels, off_px).into_iter().next() else { return Ok(None) };
+        let before = iou(&drawn.mask);
         drawn.draw(&polygon, (label, tree), wrong.include)?;
-        if otherwise.is_some_and(|otherwise| drawn.corners >= otherwise.corners) {
+        if drawn.corners >= most || iou(&drawn.mask) <= before {
             return Ok(None);
         }
     }

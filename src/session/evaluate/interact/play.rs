@@ -125,7 +125,7 @@ impl<'a> Game<'a> {
     }
 }
 
-/// Counts the clicks for every frame from nothing, by the segmenter alone.
+/// Counts the clicks for every frame from nothing, without a tracker: nothing is carried on, so that good is good enough.
 fn frame_by_frame(
     sequence: &Sequence,
     segmenter: &dyn Segmenter,
@@ -133,6 +133,7 @@ fn frame_by_frame(
     prepared: &PreparedFrames,
     progress: &Progress,
 ) -> Result<BTreeMap<usize, FrameByFrame>> {
+    let options = &InteractOptions { outline_iou: options.good_iou, ..*options };
     let mut all = BTreeMap::new();
     for (done, &frame) in sequence.truth.keys().enumerate() {
         progress.stage("click frame by frame")?;

@@ -119,13 +119,14 @@ impl<'a> RobotUser<'a> {
 
     /// Draws a label that is not good on a frame, where clicks are left and it is better for it.
     fn draw(&mut self, frame: usize, label: LabelId, truth: &LabelMask) -> Result<()> {
-        let (is, good_iou) = (self.ious(frame)?.get(&label).copied(), self.options.good_iou);
+        let InteractOptions { good_iou, outline_iou, outline_px, .. } = *self.options;
+        let is = self.ious(frame)?.get(&label).copied();
         let Some(is) = is.filter(|&iou| iou < good_iou && !self.is_spent()) else { return Ok(()) };
         let sequence = self.sequence;
         let of_truth = sequence.truth_of(frame)?;
         let iou = |mask: &LabelMask| of_truth.ious(&RunMask::encode(mask)).get(&label).copied().unwrap_or(1.0);
         let mask = mask_of(&self.project, frame)?;
-        let drawn = drawn((truth, &mask), (label, &sequence.labels), (&iou, good_iou), self.options.outline_px)?;
+        let drawn = drawn((truth, &mask), (label, &sequence.labels), (&iou, outline_iou), outline_px)?;
         let Some(Drawn { mask, corners }) = drawn.filter(|drawn| iou(&drawn.mask) > is) else { return Ok(()) };
         self.project.apply(Edit::SetMask { frame, mask: Some(anchor(&mask)) })?;
         self.clicks += corners;
