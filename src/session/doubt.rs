@@ -41,6 +41,8 @@ impl Session {
         } else if state != self.doubts.state {
             // What was found by the votes before stands until it is found anew.
             self.doubts.compared.clear();
+            let by_frame = Arc::make_mut(&mut self.doubts.by_frame);
+            by_frame.retain(|&frame, _| project.mask_in_play(frame).is_some());
         }
         self.doubts.state = state;
         let Some((cloud, votes)) = self.cloud.in_force(Some(state.version)) else { return };

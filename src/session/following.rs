@@ -19,6 +19,8 @@ const FEW: usize = 8;
 pub(super) struct Following {
     wanted: Cell<bool>,
     heard: Option<Heard>,
+    /// The revision of the project and the votes that were last looked at.
+    seen: Option<(u64, Weak<Votes>)>,
     job: Option<JobId>,
 }
 
@@ -58,6 +60,19 @@ impl Session {
         self.following.wanted.set(true);
     }
 
+    /// Whether the labels of the cloud in memory are those of the masks now.
+    pub(super) fn follows(&self) -> bool {
+        let Some(project) = self.project() else { return false };
+        let loaded = self.cloud.in_force(version_in_force(project, ResultKind::Cloud));
+        let heard = self.following.heard.as_ref();
+        loaded.zip(heard).is_some_and(|((_, votes), heard)| {
+            let now = Heard::now(project, &votes);
+            heard.votes.ptr_eq(&now.votes)
+                && heard.parents == now.parents
+                && heard.changed(&now, votes.frames()).is_empty()
+        })
+    }
+
     /// Starts to let those vote again who vote otherwise now.
     pub(super) fn follow_wanted(&mut self) {
         let is_voting = |id| self.jobs.iter().any(|job| job.id == id && !job.has_ended());
@@ -65,19 +80,21 @@ impl Session {
         if busy || !self.following.wanted.take() {
             return;
         }
-        let Ok(project) = self.snapshot() else { return };
+        let Some((project, revision)) = self.open.as_ref().map(|open| (Arc::clone(open.project()), open.revision()))
+        else {
+            return;
+        };
         let version = version_in_force(&project, ResultKind::Cloud);
         let Some((cloud, votes)) = self.cloud.in_force(version) else { return };
-        if !votes.has_voters() || votes.len() != cloud.len() {
+        let seen = (revision, Arc::downgrade(&votes));
+        let is_seen = |(of, votes): &(u64, Weak<Votes>)| *of == seen.0 && votes.ptr_eq(&seen.1);
+        if !can_vote_again(&cloud, &votes) || self.following.seen.as_ref().is_some_and(is_seen) {
             return;
         }
-        let is_stale = project.results.get(&ResultKind::Cloud).is_some_and(|record| record.stale);
+        self.following.seen = Some(seen);
         let now = Heard::now(&project, &votes);
-        let before = self.following.heard.replace(now.clone()).filter(|heard| heard.votes.ptr_eq(&now.votes));
+        let before = self.following.heard.as_ref().filter(|heard| heard.votes.ptr_eq(&now.votes));
         let changed = match before {
-            // What was just made or loaded is labelled by the masks of now, unless it is stale.
-            None if !is_stale => return,
-            None => votes.frames().collect(),
             Some(before) => {
                 let changed = before.changed(&now, votes.frames());
                 if changed.is_empty() && before.parents == now.parents {
@@ -85,12 +102,31 @@ impl Session {
                 }
                 changed
             }
+            None if is_stale(&project) => votes.frames().collect(),
+            None => {
+                // What was just made or loaded is labelled by the masks of now.
+                self.following.heard = Some(now);
+                return;
+            }
         };
+        self.let_vote((project, now), (cloud, votes), changed);
+    }
+
+    fn let_vote(
+        &mut self,
+        (project, now): (Arc<Project>, Heard),
+        (cloud, votes): (Arc<LabelledCloud>, Arc<Votes>),
+        changed: Vec<usize>,
+    ) {
         let store = Arc::clone(&self.store);
         self.following.job = Some(self.start("vote again", Kind::Background, move |link| {
-            let (labelled, counted) = voted_again((&project, &store), (&cloud, &votes), &changed, &link.progress)?;
-            let counted = Arc::new(counted);
+            let voted = voted_again((&project, &store), (&cloud, &votes), &changed, &link.progress)?;
+            let voted = voted.map(|(labelled, counted)| (labelled, Arc::new(counted)));
             Ok(Box::new(move |session: &mut Self| {
+                let Some((labelled, counted)) = voted else {
+                    session.following.heard = Some(now);
+                    return Ok(());
+                };
                 if session.cloud.revote(&votes, labelled, &counted) {
                     session.following.heard = Some(Heard { votes: Arc::downgrade(&counted), ..now });
                     session.events.push(Event::CloudChanged);
@@ -101,19 +137,48 @@ impl Session {
     }
 }
 
-/// The cloud as the masks of the changed frames vote now.
+fn is_stale(project: &Project) -> bool {
+    project.results.get(&ResultKind::Cloud).is_some_and(|record| record.stale)
+}
+
+fn can_vote_again(cloud: &LabelledCloud, votes: &Votes) -> bool {
+    votes.has_voters() && votes.len() == cloud.len()
+}
+
+/// The project's cloud with the labels of the masks now, for work that must not depend on whether a window let it follow; as
+/// it is where it is not known who voted.
+///
+/// # Errors
+/// As [`vote_again`].
+pub(super) fn cloud_of_now(
+    of: (&Project, &FrameStore),
+    (cloud, votes): (Arc<LabelledCloud>, Arc<Votes>),
+    progress: &Progress,
+) -> Result<(Arc<LabelledCloud>, Arc<Votes>), SceneError> {
+    if !is_stale(of.0) || !can_vote_again(&cloud, &votes) {
+        return Ok((cloud, votes));
+    }
+    let voters: Vec<usize> = votes.frames().collect();
+    let voted = voted_again(of, (&cloud, &votes), &voters, progress)?;
+    Ok(voted.map_or((cloud, votes), |(cloud, votes)| (Arc::new(cloud), Arc::new(votes))))
+}
+
+/// The cloud as the masks of the changed frames vote now; `None` where that changes nothing.
 fn voted_again(
     (project, store): (&Project, &FrameStore),
     (cloud, votes): (&LabelledCloud, &Votes),
     changed: &[usize],
     progress: &Progress,
-) -> Result<(LabelledCloud, Votes), SceneError> {
+) -> Result<Option<(LabelledCloud, Votes)>, SceneError> {
     let mask = |frame: usize| project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
-    if changed.len() <= FEW {
+    let (labelled, counted) = if changed.len() <= FEW {
         let changed: Vec<_> = changed.iter().map(|&frame| ChangedMask { frame, mask: mask(frame) }).collect();
-        return relabel(cloud, votes, &changed, &project.labels, progress);
-    }
-    let views = ProjectViews { frames: &project.frames, store, masks: &mask };
-    let voted = vote_again(cloud, votes, &views, &project.labels, progress)?;
-    Ok((voted.cloud, voted.votes))
+        relabel(cloud, votes, &changed, &project.labels, progress)?
+    } else {
+        let views = ProjectViews { frames: &project.frames, store, masks: &mask };
+        let voted = vote_again(cloud, votes, &views, &project.labels, progress)?;
+        (voted.cloud, voted.votes)
+    };
+    let same = labelled.labels == cloud.labels && labelled.confidence == cloud.confidence && counted == *votes;
+    Ok((!same).then_some((labelled, counted)))
 }

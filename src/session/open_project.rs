@@ -16,6 +16,8 @@ pub struct OpenProject {
     folder: Folder,
     /// Which run made the last step, when it may still grow.
     growing: Option<JobId>,
+    /// Counts the changes of the project since it was opened.
+    revision: u64,
     /// Which version of the results stands under plain names; `None` = not known.
     published: Option<Option<u64>>,
     /// The frames whose depth maps stand under plain names; `None` = not known.
@@ -31,6 +33,7 @@ impl OpenProject {
             history: loaded.history,
             folder: loaded.folder,
             growing: None,
+            revision: 0,
             published: None,
             published_depths: None,
         }
@@ -47,6 +50,7 @@ impl OpenProject {
             history: History::default(),
             folder,
             growing: None,
+            revision: 0,
             published: None,
             published_depths: None,
         })
@@ -56,6 +60,12 @@ impl OpenProject {
     #[must_use]
     pub fn project(&self) -> &Arc<Project> {
         &self.project
+    }
+
+    /// Another number for each state of the project since it was opened.
+    #[must_use]
+    pub fn revision(&self) -> u64 {
+        self.revision
     }
 
     /// Steps done and taken back.
@@ -166,6 +176,7 @@ impl OpenProject {
 
     /// Puts on the disk and into the history what the project already has; `back` takes it back if that fails.
     fn save(&mut self, act: Act, back: Vec<Edit>) -> Result<()> {
+        self.revision += 1;
         match self.folder.append(act) {
             Ok(record) => {
                 record.fold(&mut self.history);

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use super::commands::{FoundInstances, found_instances};
+use super::following::cloud_of_now;
 use super::jobs::{Kind, Landing};
 use super::surfaces::load_cloud;
 use super::{Event, InstancesRequest, Session};
@@ -28,12 +29,13 @@ impl Session {
     pub(super) fn load_wanted_instances(&mut self) {
         let (Ok(project), Some(root)) = (self.snapshot(), self.root().map(std::path::Path::to_owned)) else { return };
         let Some((state, request)) = self.proposed.next_wanted() else { return };
-        let loaded = self.cloud.in_force(Some(state.version));
+        let (loaded, store) = (self.cloud.in_force(Some(state.version)), std::sync::Arc::clone(&self.store));
         self.start("Look for instances", Kind::Short, move |link| {
-            let (cloud, _) = match loaded {
+            let loaded = match loaded {
                 Some(loaded) => loaded,
                 None => load_cloud(&root, state.version, &link.progress)?,
             };
+            let (cloud, _) = cloud_of_now((&project, &store), loaded, &link.progress)?;
             let found = found_instances(&project.labels, &cloud, &request, &link.progress)?;
             let proposed = Arc::new(proposal(&cloud, found)?);
             Ok(Box::new(move |session: &mut Self| {

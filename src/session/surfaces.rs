@@ -6,7 +6,7 @@ use super::cloud::{CloudState, read_votes_file};
 use super::jobs::{Kind, Landing};
 use super::on_demand::OnDemand;
 use super::store::{cloud_path, mesh_path, mesh_votes_path, version_in_force, votes_path};
-use super::{Event, Project, ResultKind, Session};
+use super::{Event, JobId, Project, ResultKind, Session};
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
 use crate::scene::fuse::{ProjectViews, Votes, vote_again};
@@ -27,6 +27,8 @@ pub enum Surface {
 pub(super) struct Surfaces {
     mesh: OnDemand<u64, LabelledMesh>,
     drawn: OnDemand<(CloudState, Surface), LabelledMesh>,
+    /// What makes something to be drawn: one at a time.
+    drawing: Option<JobId>,
 }
 
 impl Session {
@@ -72,11 +74,17 @@ impl Session {
                 }) as Landing)
             });
         }
+        let is_drawing = |id| self.jobs.iter().any(|job| job.id == id && !job.has_ended());
+        if self.surfaces.drawing.is_some_and(is_drawing) {
+            return;
+        }
         let Some((state, surface)) = self.surfaces.drawn.next_wanted() else { return };
         let (Some(voxel), Ok(project)) = (self.surface_voxel(), self.snapshot()) else { return };
         let (version, store) = (state.version, Arc::clone(&self.store));
         let loaded = self.cloud.in_force(Some(version));
-        self.start("Load surface", Kind::Short, move |link| {
+        // New labels of what is seen already come of themselves.
+        let kind = if state.round > 0 { Kind::Background } else { Kind::Short };
+        self.surfaces.drawing = Some(self.start("Load surface", kind, move |link| {
             let drawn = match surface {
                 Surface::Mesh => {
                     let mesh = read_mesh(&mesh_path(&root, version), &link.progress).context(NOT_KEPT)?;
@@ -99,7 +107,7 @@ impl Session {
                 session.events.push(Event::CloudChanged);
                 Ok(())
             }) as Landing)
-        });
+        }));
     }
 }
 

@@ -100,20 +100,34 @@ fn exported(session: &mut Session, folder: &Path, seen: &LabelledCloud) {
         events.into_iter().filter_map(warning).collect()
     };
     let of_cloud = ExportRequest { cloud: Some(cloud.clone()), ..ExportRequest::default() };
-    assert_eq!(warnings(session, of_cloud), Vec::<String>::new());
+    let told = warnings(session, of_cloud);
+    assert!(told.len() == 1 && told[0].contains("the labels of now but the points that were fused"), "{told:?}");
     assert_eq!(read_ply(&cloud, &Default::default()).unwrap().cloud.labels, seen.labels);
     let of_mesh = ExportRequest { mesh: Some(mesh), ..ExportRequest::default() };
     let told = warnings(session, of_mesh);
-    assert!(told.len() == 1 && told[0].contains("mesh was made from something that has changed"), "{told:?}");
+    assert!(told.len() == 1 && told[0].contains("the mesh is written as it was fused"), "{told:?}");
 }
 
 /// Another session finds the cloud as it was written, and lets it follow.
 fn opened_again(session: &mut Session, before: &LabelledCloud) {
     let root = session.root().unwrap().to_owned();
     *session = Session::new();
-    perform(session, Command::Open(root)).unwrap();
+    perform(session, Command::Open(root.clone())).unwrap();
     let _ = session.cloud();
     session.settle(|_| ControlFlow::Continue(()));
     assert!(session.cloud().unwrap().labels != before.labels);
+    let of_cloud = ExportRequest { cloud: Some(root.join("as-it-was.ply")), ..ExportRequest::default() };
+    let events = perform(session, Command::Export(of_cloud)).unwrap();
+    let tells = |event: &Event| matches!(event, Event::Warning(text) if text.contains("written as it was fused"));
+    assert!(events.iter().any(tells), "{events:?}");
+    // What is done with the vote does not depend on whether somebody looks on.
+    perform(session, Command::AcceptVote { frame: 14, labels: Vec::new() }).unwrap();
+    let accepted = session.project().unwrap().masks[&14].runs.clone();
+    perform(session, Command::Undo).unwrap();
+    assert_eq!(followed(session).labels, before.labels);
+    perform(session, Command::AcceptVote { frame: 14, labels: Vec::new() }).unwrap();
+    assert_eq!(session.project().unwrap().masks[&14].runs, accepted);
+    assert!(accepted.decode().ids.contains(&TISSUES), "by the ten that are right");
+    perform(session, Command::Undo).unwrap();
     assert_eq!(followed(session).labels, before.labels);
 }

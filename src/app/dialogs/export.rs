@@ -85,7 +85,7 @@ impl Available {
 }
 
 impl ExportForm {
-    /// Traits are measured as in the window of measures.
+    /// Traits have the unit and the ground of the window of measures.
     fn request(&self, has: &Available, measures: &MeasureView) -> Option<ExportRequest> {
         let into = typed_path(&self.into)?;
         let path = |wanted: bool, there: bool, name: &str| (wanted && there).then(|| into.join(name));
@@ -222,7 +222,7 @@ fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
     });
     ui.horizontal(|ui| {
         ui.label("Cameras as");
-        let tip = "COLMAP's files of text, or its smaller binary ones";
+        let tip = "COLMAP's files of text, or its smaller binary ones; those of undistorted pictures are text";
         for (encoding, text) in [(ModelEncoding::Text, "text"), (ModelEncoding::Binary, "binary")] {
             ui.radio_value(&mut form.camera_encoding, encoding, text).on_hover_text(tip);
         }

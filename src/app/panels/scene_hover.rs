@@ -59,7 +59,8 @@ impl SceneHover {
         };
         self.take_found();
         let Some(at) = Rest::follow(&mut self.rest, ui, at) else { return };
-        let Appearance { hidden, isolated, doubtful_below, .. } = appearance.clone();
+        let (hidden, isolated, doubtful_below) =
+            (appearance.hidden.clone(), appearance.isolated, appearance.doubtful_below);
         let cloud_then = Arc::downgrade(cloud);
         let place = Place { at, camera: *camera, clip: *clip, hidden, isolated, doubtful_below, cloud: cloud_then };
         match &self.found {

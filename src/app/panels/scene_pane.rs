@@ -27,8 +27,8 @@ pub struct ScenePane {
     canvas: Option<SceneCanvas>,
     orbit: Option<Orbit>,
     framed: Framed,
-    /// Where the wheel was last turned, and what lies there once that is known.
-    zoom_anchor: Option<(egui::Pos2, Option<Vec3>)>,
+    /// Where the wheel was last turned and what it zooms to, and whether that is what was found there.
+    zoom_anchor: Option<(egui::Pos2, Vec3, bool)>,
     picks: ScenePicks,
     /// Where the view was put to look through a camera.
     through: Option<Orbit>,
@@ -78,6 +78,7 @@ impl ScenePane {
         self.orbit = None;
         self.framed = Framed::default();
         self.picks = ScenePicks::default();
+        self.zoom_anchor = None;
     }
 
     /// The tool bar and the view.
@@ -249,15 +250,18 @@ impl ScenePane {
             view.ruler.undo_click();
         } else if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
             let frame = pick_frustum(&look.project.frames, camera, in_view(at), 14.0 * scale);
-            let (purpose, near_px) = match ui.input(|i| i.modifiers.alt) {
-                _ if response.double_clicked() => (Purpose::Recentre, 12.0),
-                true => (Purpose::Isolate, 10.0),
-                false if view.ruler.in_hand => (Purpose::Measure, 14.0),
-                false => (Purpose::Ask, 10.0),
+            let (purpose, near_px) = if response.double_clicked() {
+                (Purpose::Recentre, 12.0)
+            } else if ui.input(|i| i.modifiers.alt) {
+                (Purpose::Isolate, 10.0)
+            } else if view.ruler.in_hand {
+                (Purpose::Measure, 14.0)
+            } else {
+                (Purpose::Ask, 10.0)
             };
-            match (purpose, frame.filter(|_| view.prefs.frusta)) {
-                (Purpose::Ask, Some(frame)) => view.go_to(frame),
-                _ => self.pick(ui, purpose, look, &seen, camera, (in_view(at), near_px * scale)),
+            match frame.filter(|_| view.prefs.frusta && purpose == Purpose::Ask) {
+                Some(frame) => view.go_to(frame),
+                None => self.pick(ui, purpose, look, &seen, camera, (in_view(at), near_px * scale)),
             }
         }
         self.zoom(ui, response, look, &seen, camera, in_view);
@@ -292,12 +296,14 @@ impl ScenePane {
                 (Purpose::Isolate, _) => {
                     view.scene.isolate(view.scene.shown_as(labels_of(look), label.unwrap_or_default()));
                 }
-                (Purpose::Measure, _) => place.into_iter().for_each(|at| view.ruler.click(at)),
+                (Purpose::Measure, _) if view.ruler.in_hand => place.into_iter().for_each(|at| view.ruler.click(at)),
                 (Purpose::Recentre, Some(orbit)) => place.into_iter().for_each(|at| orbit.recentre(at)),
-                (Purpose::Zoom(at), _) if self.zoom_anchor.is_some_and(|(of, _)| of == at) => {
-                    self.zoom_anchor = Some((at, place));
+                (Purpose::Zoom(at), _) => {
+                    let here = self.zoom_anchor.filter(|&(of, ..)| of == at);
+                    self.zoom_anchor =
+                        here.map(|(_, rough, _)| (at, place.unwrap_or(rough), true)).or(self.zoom_anchor);
                 }
-                (Purpose::Recentre | Purpose::Zoom(_), _) => {}
+                (Purpose::Measure | Purpose::Recentre, _) => {}
             }
         }
     }
@@ -319,13 +325,15 @@ impl ScenePane {
         if (factor - 1.0).abs() < 1e-6 {
             return;
         }
-        if self.zoom_anchor.is_none_or(|(of, _)| of != at) {
-            self.zoom_anchor = Some((at, None));
+        let Some(distance) = self.orbit.map(|orbit| orbit.distance) else { return };
+        let known = self.zoom_anchor.filter(|&(of, ..)| of == at);
+        let (_, anchor, found) = known.unwrap_or_else(|| (at, camera.unproject(in_view(at), distance), false));
+        self.zoom_anchor = Some((at, anchor, found));
+        if !found {
             self.pick(ui, Purpose::Zoom(at), look, seen, camera, (in_view(at), 30.0));
         }
         if let Some(orbit) = &mut self.orbit {
-            let known = self.zoom_anchor.and_then(|(_, anchor)| anchor);
-            orbit.zoom(factor, known.unwrap_or_else(|| camera.unproject(in_view(at), orbit.distance)));
+            orbit.zoom(factor, anchor);
         }
     }
 

@@ -37,14 +37,24 @@ impl Picked {
     }
 }
 
-/// Points of the 3-D view that are looked for in the background, for a hand that does not wait: in the order of its clicks.
+/// A point that is being looked for.
+struct Pick {
+    purpose: Purpose,
+    cloud: Arc<LabelledCloud>,
+    picking: Picking,
+}
+
+/// Points of the 3-D view that are looked for in the background, for a hand that does not wait: those of clicks in their order,
+/// and one for the wheel at a time.
 #[derive(Default)]
 pub(super) struct ScenePicks {
-    waiting: VecDeque<(Purpose, Arc<LabelledCloud>, Picking)>,
+    clicks: VecDeque<Pick>,
+    wheel: Option<Pick>,
 }
 
 impl ScenePicks {
-    /// Begins to look for the point that is seen within `radius_px` of a pixel of the view.
+    /// Begins to look for the point that is seen within `radius_px` of a pixel of the view. The wheel's turn is passed over
+    /// while another is looked for.
     pub fn begin(
         &mut self,
         ui: &Ui,
@@ -53,15 +63,29 @@ impl ScenePicks {
         near: (Vec2, f32),
         (camera, appearance, clip): (&ViewCamera, &Appearance, &Clip),
     ) {
+        let is_wheel = matches!(purpose, Purpose::Zoom(_));
+        if is_wheel && self.wheel.is_some() {
+            return;
+        }
         let (waker, seen) = (ui.ctx().clone(), (appearance.clone(), *clip));
         let picking = Picking::begin(Arc::clone(cloud), *camera, near, seen, move || waker.request_repaint());
-        self.waiting.push_back((purpose, Arc::clone(cloud), picking));
+        let pick = Pick { purpose, cloud: Arc::clone(cloud), picking };
+        if is_wheel {
+            self.wheel = Some(pick);
+        } else {
+            self.clicks.push_back(pick);
+        }
     }
 
-    /// The next that is known; later ones wait for those before.
+    /// The next that is known; clicks wait for those before.
     pub fn next(&mut self) -> Option<Picked> {
-        let point = self.waiting.front()?.2.next()?;
-        let (purpose, cloud, _) = self.waiting.pop_front()?;
+        let known = |pick: &Pick| pick.picking.next();
+        let wheel = self.wheel.as_ref().and_then(known).and_then(|point| Some((self.wheel.take()?, point)));
+        let click = || {
+            let point = self.clicks.front().and_then(known)?;
+            Some((self.clicks.pop_front()?, point))
+        };
+        let (Pick { purpose, cloud, .. }, point) = wheel.or_else(click)?;
         Some(Picked { purpose, cloud, point })
     }
 }

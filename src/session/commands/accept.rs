@@ -8,6 +8,7 @@ use crate::masks::{LabelId, LabelMask};
 use crate::scene::LabelledCloud;
 use crate::scene::doubt::voted_mask;
 use crate::scene::fuse::Votes;
+use crate::session::following::cloud_of_now;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::store::version_in_force;
 use crate::session::surfaces::load_cloud;
@@ -22,10 +23,11 @@ impl Session {
         let (loaded, root) = (self.cloud.in_force(Some(version)), self.opened()?.root().to_owned());
         let (store, labels) = (Arc::clone(&self.store), labels.to_vec());
         Ok(self.start("Accept the vote", Kind::Short, move |link| {
-            let (cloud, votes) = match loaded {
+            let loaded = match loaded {
                 Some(loaded) => loaded,
                 None => load_cloud(&root, version, &link.progress)?,
             };
+            let (cloud, votes) = cloud_of_now((&project, &store), loaded, &link.progress)?;
             let voted = by_vote((&project, &store), (&cloud, &votes), number, &labels)?;
             Ok(Box::new(move |session: &mut Self| {
                 let now = session.snapshot()?;

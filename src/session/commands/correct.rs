@@ -11,10 +11,12 @@ use super::voted_before::VotedBefore;
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
 use crate::masks::{LabelId, RunMask};
+use crate::scene::LabelledCloud;
 use crate::scene::correct::SeeingPixels;
-use crate::scene::fuse::{Fused, ProjectViews};
+use crate::scene::fuse::{Fused, ProjectViews, Votes};
 use crate::scene::ply::{Coloring, save_ply};
 use crate::scene::select::Selector;
+use crate::session::following::cloud_of_now;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::store::{cloud_path, keep_mesh, sync_folder, version_in_force, votes_path};
 use crate::session::{
@@ -25,7 +27,7 @@ use crate::session::{
 pub(super) struct Correcting {
     pub(super) project: Arc<Project>,
     /// The cloud in force and who voted for its points.
-    pub(super) before: VotedBefore,
+    before: VotedBefore,
     root: PathBuf,
     store: Arc<FrameStore>,
     selector: Option<Arc<Selector>>,
@@ -84,13 +86,19 @@ impl Session {
 }
 
 impl Correcting {
+    /// The cloud in force with the labels of the masks as they were when the work began.
+    pub(super) fn cloud_of_now(&self, progress: &Progress) -> Result<(Arc<LabelledCloud>, Arc<Votes>)> {
+        let loaded = self.before.load(progress)?.context("it is not known who voted; fuse again")?;
+        Ok(cloud_of_now((&self.project, &self.store), loaded, progress)?)
+    }
+
     /// The edits of the masks that see the chosen points.
     fn written_back(&self, correction: &CloudCorrection, progress: &Progress) -> Result<Vec<Edit>> {
         progress.stage("choose points")?;
-        let (cloud, votes) = self.before.load(progress)?.context("it is not known who voted; fuse again")?;
+        let (cloud, votes) = self.cloud_of_now(progress)?;
         let selector = match &self.selector {
-            Some(selector) => Arc::clone(selector),
-            None => Arc::new(Selector::new(cloud)?),
+            Some(selector) if Arc::ptr_eq(selector.cloud(), &cloud) => Arc::clone(selector),
+            _ => Arc::new(Selector::new(cloud)?),
         };
         let project = &self.project;
         let selection = selector.select(&project.frames, &project.labels, &correction.select, progress)?;

@@ -35,7 +35,7 @@ pub(super) struct Sources {
     unit: LengthUnit,
     /// What the cloud was made of has changed since.
     is_stale: bool,
-    /// The labels of the cloud in memory followed the masks.
+    /// The labels of the cloud in memory are those of the masks now.
     follows: bool,
 }
 
@@ -65,7 +65,7 @@ impl Session {
         let (cloud, cloud_votes) = (self.cloud().cloned(), self.votes().cloned());
         let (surface, unit) = (self.surface_file(), self.length_unit());
         let is_stale = project.results.get(&ResultKind::Cloud).is_some_and(|record| record.stale);
-        let follows = self.cloud_state().is_some_and(|state| state.round > 0);
+        let follows = is_stale && self.follows();
         Ok(Sources {
             is_stale,
             follows,
@@ -144,19 +144,23 @@ fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Res
     Ok(warnings)
 }
 
-/// A warning where masks, cameras or labels are not what the points or triangles were made of.
+/// A warning where the points or triangles were made of something that has changed since.
 fn outdated(request: &ExportRequest, sources: &Sources) -> Option<String> {
+    if !sources.is_stale {
+        return None;
+    }
     let of_points = [&request.cloud, &request.voxels, &request.traits].into_iter().any(Option::is_some);
-    let what = match (of_points && !sources.follows, request.mesh.is_some()) {
-        (true, true) => "cloud and its mesh were",
-        (true, false) => "cloud was",
-        (false, true) => "mesh was",
-        (false, false) => return None,
-    };
-    let text = format!(
-        "the {what} made from something that has changed since, and written as it was; fuse for the state of now"
-    );
-    sources.is_stale.then_some(text)
+    let mut told = Vec::new();
+    if of_points && sources.follows {
+        told.push("the cloud has the labels of now but the points that were fused");
+    } else if of_points {
+        told.push("the cloud is written as it was fused");
+    }
+    if request.mesh.is_some() {
+        told.push("the mesh is written as it was fused");
+    }
+    let text = || format!("{}, and something that it was made from has changed since; fuse again", told.join(", "));
+    (!told.is_empty()).then(text)
 }
 
 fn mask_format(request: &ExportRequest) -> Result<MaskFormat> {

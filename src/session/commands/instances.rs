@@ -29,7 +29,7 @@ impl Correcting {
     /// The edits that make the labels and split the masks; what was not stale does not become so.
     fn split(&self, request: &InstancesRequest, progress: &Progress) -> Result<Vec<Edit>> {
         let project = &*self.project;
-        let (cloud, votes) = self.before.load(progress)?.context("it is not known who voted; fuse again")?;
+        let (cloud, votes) = self.cloud_of_now(progress)?;
         let found = found_instances(&project.labels, &cloud, request, progress)?;
         let name = label_name(project, request.label)?;
         ensure!(

@@ -45,7 +45,7 @@ impl Session {
         // Results are known by number, and every project counts its own.
         (self.cloud, self.surfaces, self.proposed) = Default::default();
         (self.sparse, self.growing, self.measuring) = Default::default();
-        (self.doubts, self.contradicted) = Default::default();
+        (self.following, self.doubts, self.contradicted) = Default::default();
         self.suggestions.clear();
         self.grounding = None;
         self.interactions = 0;

@@ -31,7 +31,8 @@ pub fn drawn(
     finest_px: f64,
 ) -> Result<Option<Drawn>> {
     let mut best: Option<(Drawn, f64)> = None;
-    for off_px in OFF_PX.map(|off_px| off_px.max(finest_px)) {
+    let coarser = OFF_PX.into_iter().filter(|&off_px| off_px > finest_px);
+    for off_px in coarser.chain([finest_px]) {
         let most = best.as_ref().filter(|(_, iou)| *iou >= good_iou).map_or(usize::MAX, |(best, _)| best.corners);
         let whole = drawn_whole((truth, mask), (label, tree), off_px)?;
         let parts = drawn_parts((truth, mask), (label, tree), (iou, good_iou), off_px, most)?;
@@ -65,8 +66,8 @@ fn drawn_whole(
     Ok((drawn.corners > 0).then_some(drawn))
 }
 
-/// Wrong parts drawn one after the other until the label is good; `None` where that takes `most` corners or more, or a part is
-/// finer than what is drawn.
+/// Wrong parts drawn one after the other until the label is good or the next is finer than what is drawn; `None` where that
+/// takes `most` corners or more, or nothing can be drawn.
 fn drawn_parts(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
@@ -77,14 +78,18 @@ fn drawn_parts(
     let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
     while iou(&drawn.mask) < good_iou {
         let Some(wrong) = wrong_part(truth, &drawn.mask, &[label]) else { break };
-        let Some(polygon) = polygons(&wrong.pixels, off_px).into_iter().next() else { return Ok(None) };
-        let before = iou(&drawn.mask);
+        let Some(polygon) = polygons(&wrong.pixels, off_px).into_iter().next() else { break };
+        let before = drawn.clone();
         drawn.draw(&polygon, (label, tree), wrong.include)?;
-        if drawn.corners >= most || iou(&drawn.mask) <= before {
+        if drawn.corners >= most {
             return Ok(None);
         }
+        if iou(&drawn.mask) <= iou(&before.mask) {
+            drawn = before;
+            break;
+        }
     }
-    Ok(Some(drawn))
+    Ok((drawn.corners > 0).then_some(drawn))
 }
 
 impl Drawn {

@@ -34,8 +34,8 @@ impl Given {
     }
 }
 
-/// A user who reads the truth only to see where to click: at the deepest point of the largest error. The project that
-/// is clicked on lives in memory; clicks are answered, and masks tracked, as in a session.
+/// A user who reads the truth only to see where to click, at the deepest point of the largest error, and what to draw around
+/// where clicks do not help. The project that is clicked on lives in memory; clicks are answered, and masks tracked, as in a session.
 pub struct RobotUser<'a> {
     sequence: &'a Sequence,
     segmenter: &'a dyn Segmenter,
@@ -127,10 +127,17 @@ impl<'a> RobotUser<'a> {
         let iou = |mask: &LabelMask| of_truth.ious(&RunMask::encode(mask)).get(&label).copied().unwrap_or(1.0);
         let mask = mask_of(&self.project, frame)?;
         let drawn = drawn((truth, &mask), (label, &sequence.labels), (&iou, outline_iou), outline_px)?;
-        let Some(Drawn { mask, corners }) = drawn.filter(|drawn| iou(&drawn.mask) > is) else { return Ok(()) };
+        let affordable = self.most_clicks - self.clicks;
+        let pays = |drawn: &Drawn| drawn.corners <= affordable && iou(&drawn.mask) > is;
+        let Some(Drawn { mask, corners }) = drawn.filter(pays) else { return Ok(()) };
+        let before = (self.frame_iou(frame)?, self.project.clone());
         self.project.apply(Edit::SetMask { frame, mask: Some(anchor(&mask)) })?;
         self.clicks += corners;
         self.corners += corners;
+        if self.frame_iou(frame)? <= before.0 {
+            // It cost other labels more than it gave this one.
+            self.project = before.1;
+        }
         Ok(())
     }
 
