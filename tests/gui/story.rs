@@ -1,5 +1,6 @@
 //! The window with a real session behind it.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -12,7 +13,8 @@ use ostra::frames::{FrameFolder, OpenRequest};
 use ostra::masks::LabelId;
 use ostra::scene::LabelledCloud;
 use ostra::scene::ply::{Coloring, save_ply};
-use ostra::session::{Command, NewProject, Recent};
+use ostra::scene::synthetic::{Scene, SceneOptions};
+use ostra::session::{Command, FuseRequest, NewProject, Recent, Session};
 
 type Shown = Harness<'static, Option<Window>>;
 
@@ -88,6 +90,49 @@ fn a_click_makes_an_anchor_and_undo_takes_it_back() {
     assert_eq!(note(&mut harness), format!("{title}: undone"), "the line of the status tells no more that it is done");
     inner(&mut harness).act(Command::Redo);
     assert_eq!(note(&mut harness), format!("{title}: done again"));
+}
+
+/// A project of the made scene with its true masks, fused.
+fn fused(dir: &Path) -> std::path::PathBuf {
+    let options = SceneOptions { views: 3, width: 120, height: 90, ..SceneOptions::default() };
+    Scene::build(&options).unwrap().write(dir, &Progress::default()).unwrap();
+    let masks = dir.join("truth/masks");
+    std::fs::copy(dir.join("truth/labels.json"), masks.join("labels.json")).unwrap();
+    let sources = vec![FrameFolder { frames: dir.join("color"), depth: Some(dir.join("depth")) }];
+    let open = OpenRequest { sources, depth_unit: Scene::DEPTH_UNIT_M, every: 1, from: None, to: None };
+    let (root, cameras) = (dir.join("project"), Some(dir.join("sparse")));
+    let mut session = Session::new();
+    for command in [
+        Command::New(NewProject { root: root.clone(), open, cameras, intrinsics: None }),
+        Command::ImportMasks { dir: masks, format: "davis".into() },
+        Command::Fuse(FuseRequest::default()),
+    ] {
+        session.act(command).unwrap();
+        session.settle(|_| ControlFlow::Continue(()));
+    }
+    root
+}
+
+#[test]
+fn the_cloud_in_the_window_follows_its_masks() {
+    let dir = tempfile::tempdir().unwrap();
+    let root = fused(dir.path());
+    let mut harness = window();
+    inner(&mut harness).act(Command::Open(root));
+    let labelled = |harness: &mut Shown| {
+        let cloud = inner(harness).session().cloud();
+        cloud.map(|cloud| cloud.labels.iter().filter(|&&label| label != LabelId::NONE).count())
+    };
+    until(&mut harness, "the cloud is loaded", |harness| labelled(harness).is_some_and(|points| points > 0));
+    let before = labelled(&mut harness);
+    for frame in 0..3 {
+        inner(&mut harness).act(Command::ClearMask { frame });
+    }
+    until(&mut harness, "no point has a label", |harness| labelled(harness) == Some(0));
+    for _ in 0..3 {
+        inner(&mut harness).act(Command::Undo);
+    }
+    until(&mut harness, "the labels are back", |harness| labelled(harness) == before);
 }
 
 #[test]

@@ -4,7 +4,9 @@
 use std::path::Path;
 use std::process::Command as Process;
 
+use ostra::engine::job::Progress;
 use ostra::scene::instances::InstanceOptions;
+use ostra::scene::synthetic::{Scene, SceneKind, SceneOptions};
 use ostra::session::{Command, FuseRequest, InstancesRequest, ResultKind, Session};
 use serde_json::Value;
 
@@ -57,12 +59,13 @@ fn wheels_clicked_as_one_class_become_six_instances() {
 fn noise_of_a_sensor_spoils_depth_but_not_the_truth() {
     let out = tempfile::tempdir().unwrap();
     let (exact, noisy) = (out.path().join("exact"), out.path().join("noisy"));
-    let small = ["--frames", "4", "--size", "120x90"];
-    demo(&exact, &small);
-    demo(&noisy, &[&small[..], &["--noise"]].concat());
-    let same = |file: &str| std::fs::read(exact.join(file)).unwrap() == std::fs::read(noisy.join(file)).unwrap();
-    assert!(!same("recording/depth/000.png"));
-    assert!(same("truth/masks/000.png"));
+    demo(&noisy, &["--frames", "8", "--size", "240x180", "--noise"]);
+    let options =
+        SceneOptions { scene: SceneKind::Bricks, views: 8, width: 240, height: 180, ..SceneOptions::default() };
+    Scene::build(&options).unwrap().write(&exact, &Progress::default()).unwrap();
+    let read = |file: std::path::PathBuf| std::fs::read(file).unwrap();
+    assert!(read(exact.join("depth/000.png")) != read(noisy.join("recording/depth/000.png")));
+    assert!(read(exact.join("truth/masks/000.png")) == read(noisy.join("truth/masks/000.png")));
 }
 
 #[test]

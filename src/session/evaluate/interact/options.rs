@@ -20,7 +20,7 @@ pub struct InteractOptions {
     /// IoU of a label up to which it is drawn by hand where clicks do not make it good: what is drawn is carried on, which costs
     /// some; 0–1.
     pub outline_iou: f64,
-    /// Bounds of the clicks over the whole sequence, which are ten for each frame and label of the truth.
+    /// Bounds of the clicks over the whole sequence, which are forty for each frame and label of the truth.
     pub clicks: (usize, usize),
 }
 
@@ -35,7 +35,7 @@ impl Default for InteractOptions {
             seed: 1,
             outline_px: 2.0,
             outline_iou: 0.95,
-            clicks: (20, 1000),
+            clicks: (20, 4000),
         }
     }
 }
@@ -44,6 +44,6 @@ impl InteractOptions {
     /// Most clicks over a sequence.
     #[must_use]
     pub fn most_clicks(&self, sequence: &Sequence) -> usize {
-        (10 * sequence.truth.len() * sequence.shown().len()).clamp(self.clicks.0, self.clicks.1)
+        (40 * sequence.truth.len() * sequence.shown().len()).clamp(self.clicks.0, self.clicks.1)
     }
 }
