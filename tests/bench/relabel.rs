@@ -1,5 +1,6 @@
 //! Relabelling a cloud of a million points of `apc_shelf_rgbd_labels` after one mask changed: wall and CPU seconds and
-//! peak memory, of the frame alone and of all frames looked through for what changed.
+//! peak memory, of the frame alone and of all frames looked through for what changed; then in the program, from a stroke of
+//! the brush to the cloud that a window shows.
 
 #![expect(
     clippy::unwrap_used,
@@ -8,13 +9,18 @@
     reason = "a bench speaks to the user and may panic"
 )]
 
+use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::DVec2;
 use ostra::engine::job::Progress;
+use ostra::frames::{FrameFolder, OpenRequest};
 use ostra::masks::{LabelId, LabelMask, LabelTree};
 use ostra::scene::LabelledCloud;
 use ostra::scene::fuse::{ChangedMask, FuseOptions, Views, Votes, fuse, relabel, vote_again};
+use ostra::session::{Command, FuseRequest, NewProject, PaintRequest, Session};
 
 #[path = "../support/mod.rs"]
 #[expect(dead_code, reason = "the benches share it with the integration tests and use a part")]
@@ -38,6 +44,38 @@ fn main() {
     }
     shelf.masks[CHANGED] = Some(changed);
     timed("vote again", || vote_again(&cloud, &votes, &shelf, &tree, &progress).unwrap());
+    drop((cloud, votes, shelf));
+    in_the_program(&set);
+}
+
+/// A stroke of the brush, and the cloud that follows it.
+fn in_the_program(set: &Path) {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = Session::new();
+    let perform = |session: &mut Session, command: Command| {
+        session.act(command).unwrap();
+        session.settle(|_| ControlFlow::Continue(()));
+    };
+    let sources = vec![FrameFolder { frames: set.join("color"), depth: Some(set.join("depth")) }];
+    let open = OpenRequest { sources, ..OpenRequest::default() };
+    let root = folder.path().join("project");
+    perform(&mut session, Command::New(NewProject { root, open, cameras: Some(set.join("sparse")), intrinsics: None }));
+    perform(&mut session, Command::ImportMasks { dir: set.join("labels"), format: "davis".into() });
+    perform(&mut session, Command::Fuse(FuseRequest { voxel: Some(0.0008), ..FuseRequest::default() }));
+    println!("the program's cloud has {} points", session.cloud().unwrap().len());
+    for round in 1..=3 {
+        let points_px = vec![DVec2::new(100.0 + 20.0 * f64::from(round), 150.0), DVec2::new(400.0, 160.0)];
+        let (label, radius_px) = (session.project().unwrap().labels.iter().next().unwrap().id, 12.0);
+        let (erase, replace, snap) = (false, true, false);
+        let stroke = PaintRequest { frame: CHANGED, label, points_px, radius_px, erase, replace, snap };
+        let before = Arc::clone(session.cloud().unwrap());
+        timed(&format!("stroke {round} to cloud"), || {
+            perform(&mut session, Command::Paint(stroke));
+            session.follow_masks();
+            session.settle(|_| ControlFlow::Continue(()));
+        });
+        assert!(!Arc::ptr_eq(&before, session.cloud().unwrap()), "the cloud follows");
+    }
 }
 
 /// The first million of the shelf's points, with their votes.
