@@ -1,10 +1,10 @@
-//! J, F and frames per second of the flow tracker on `davis2016`, from the true mask of the first frame, decoding
-//! included, with the peak memory of all clips.
+//! J, F and frames per second of the flow tracker on `davis2016`, from the true mask of the first frame, or of every
+//! N-th, decoding included, with the peak memory of all clips.
 //!
-//! `cargo bench --bench flow [-- CLIP… [--memory]]`; with `--memory` the tracker remembers by XFeat, added before by
-//! `ostra models add xfeat FILE`.
+//! `cargo bench --bench flow [-- CLIP… [--every N] [--memory]]`; with `--memory` the tracker remembers by XFeat, added
+//! before by `ostra models add xfeat FILE`.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,7 +23,11 @@ use ostra::masks::{
 fn main() -> Result<(), Box<dyn Error>> {
     let data = std::env::var_os("OSTRA_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
     let set = data.join("davis2016");
-    let words: Vec<String> = std::env::args().skip(1).collect();
+    let mut words: Vec<String> = std::env::args().skip(1).collect();
+    let every = match words.iter().position(|word| word == "--every") {
+        Some(at) if at + 1 < words.len() => words.drain(at..at + 2).nth(1).unwrap_or_default().parse()?,
+        _ => usize::MAX,
+    };
     let has_memory = words.iter().any(|word| word == "--memory");
     let describer = has_memory.then(|| XFeatCells::load(&models_folder()?)).transpose()?;
     let describer = describer.map(|cells| Arc::new(cells) as Arc<dyn Describer>);
@@ -32,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut sums = [0.0; 3];
     let mut count = 0.0;
     for clip in clips(&set)?.into_iter().filter(|clip| named.is_empty() || named.contains(clip)) {
-        let [j, f, fps] = tracked(&tracker, &set, &clip)?;
+        let [j, f, fps] = tracked(&tracker, &set, &clip, every)?;
         println!("{clip:16} J {j:.3}  F {f:.3}  {fps:.1} frames/s");
         sums = [sums[0] + j, sums[1] + f, sums[2] + fps];
         count += 1.0;
@@ -55,8 +59,8 @@ fn clips(set: &Path) -> Result<Vec<String>, std::io::Error> {
     Ok(names)
 }
 
-/// Mean J, mean F without the first frame, and frames per second.
-fn tracked(tracker: &FlowTracker, set: &Path, clip: &str) -> Result<[f64; 3], Box<dyn Error>> {
+/// Mean J, mean F over the frames without a given mask, and frames per second.
+fn tracked(tracker: &FlowTracker, set: &Path, clip: &str, every: usize) -> Result<[f64; 3], Box<dyn Error>> {
     let source = FrameFolder { frames: set.join("JPEGImages").join(clip), depth: None };
     let frames = open(&OpenRequest { sources: vec![source], ..OpenRequest::default() }, &Progress::default())?.frames;
     let mut truths = Vec::new();
@@ -71,12 +75,15 @@ fn tracked(tracker: &FlowTracker, set: &Path, clip: &str) -> Result<[f64; 3], Bo
         to: frames.len() - 1,
         frames: Arc::new(frames),
         store: Arc::new(FrameStore::new(64 << 20)),
-        anchors: BTreeMap::from([(0, Arc::new(truths[0].decode()))]),
+        anchors: truths.iter().enumerate().step_by(every).map(|(at, truth)| (at, Arc::new(truth.decode()))).collect(),
         direction: Direction::Both,
         labels: None,
     };
     let mut pairs = Vec::new();
     let mut take = |tracked: TrackedFrame| {
+        if tracked.preliminary {
+            return;
+        }
         let (name, truth) = (tracked.frame.to_string(), truths[tracked.frame].clone());
         pairs.push(FramePair { name, truth, result: RunMask::encode(&tracked.mask) });
     };

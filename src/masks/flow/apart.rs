@@ -2,6 +2,7 @@ use std::sync::Arc;
 
 use glam::Vec2;
 
+use super::dis::Finest;
 use super::options::FlowOptions;
 use super::picture::{Picture, enlarged_mask, reduced_mask, working_size};
 use super::plane::Plane;
@@ -27,7 +28,7 @@ pub fn moving_apart(picture: &Image, other: &Image, mask: &LabelMask, options: &
     }
     let size = working_size(mask.width, mask.height, options.most_side);
     let known = explained(&reduced_mask(mask, size));
-    let mut change = Change::new(&Picture::new(other, size), Arc::new(Picture::new(picture, size)));
+    let mut change = Change::new(&Picture::new(other, size), Arc::new(Picture::new(picture, size)), Finest::Half);
     change.find_background(&[&Plane::of_mask(size.0, size.1, &known.inside)]);
     let Some(background) = change.background else { return Vec::new() };
     let least = LEAST_PX.max(LEAST_NOISES * change.background_noise);

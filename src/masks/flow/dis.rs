@@ -10,17 +10,27 @@ use super::variational::smoothed;
 pub(super) const PATCH: usize = 8;
 /// Pixels from one patch to the next.
 const STRIDE: usize = 4;
-/// Pictures with no longer side are searched at full size.
+/// Pictures with no longer side are always searched at full size.
 const SMALL: usize = 320;
 /// Rows of patches that are searched one after the other, each from what the one before found.
 const BAND: usize = 8;
 
+/// The size at which a search for optical flow ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Finest {
+    /// Half of the pictures' size: quick, but parts thinner than some eight pixels go with what lies behind them.
+    Half,
+    /// The pictures' own size, at four times the work.
+    Full,
+}
+
 /// Where the pixels of the first picture lie in the second: dense inverse search (Kroeger, Timofte, Dai, Van Gool,
-/// "Fast optical flow using dense inverse search", ECCV 2016), from the smallest level of the pyramids to half size (small
+/// "Fast optical flow using dense inverse search", ECCV 2016), from the smallest level of the pyramids to `finest` (small
 /// pictures: to full size), smoothed at every level. Both pyramids are of one size.
-pub(super) fn flow_between(first: &Pyramid, second: &Pyramid) -> Flow {
+pub(super) fn flow_between(first: &Pyramid, second: &Pyramid, finest: Finest) -> Flow {
     let full = &first.levels[0];
-    let finest = usize::from(full.width.max(full.height) > SMALL && first.levels.len() > 1);
+    let is_large = full.width.max(full.height) > SMALL && first.levels.len() > 1;
+    let finest = usize::from(is_large && finest == Finest::Half);
     let mut flow = Flow { width: 1, height: 1, vectors: vec![Vec2::ZERO] };
     for (from, to) in first.levels[finest..].iter().zip(&second.levels[finest..]).rev() {
         let start = flow.resized(from.width, from.height);

@@ -55,6 +55,7 @@ pub(super) fn evidence(
         .places(width)
         .map(|at| change.reliable.values[at] * motion(Vec2::new((at % width) as f32, (at / width) as f32), at))
         .collect();
+    let shape_weight = options.shape_weight * object.nearness();
     let memory = recalled.map(|recalled| recalled.odds(object.id));
     let odds = window.places(width).zip(distances).zip(&motion).map(|((at, distance), motion)| {
         if distance > reach {
@@ -66,7 +67,8 @@ pub(super) fn evidence(
         let flow = ((trust + 0.02) / (1.0 - trust + 0.02)).ln().clamp(-MOST_FLOW, MOST_FLOW);
         let place = if expected > SHAPE { expected } else { (-distance / fade).max(-4.0) };
         let bin = usize::from(change.next.bins[at]);
-        options.flow_weight * reliable * flow - options.doubt_weight * (1.0 - reliable)
+        let shape = if expected > SHAPE { shape_weight * expected } else { 0.0 };
+        options.flow_weight * reliable * flow - (options.doubt_weight - shape) * (1.0 - reliable)
             + options.place_weight * place
             + options.first_color_weight * first[bin]
             + options.last_color_weight * last[bin]

@@ -11,7 +11,7 @@ use super::options::FlowOptions;
 use super::picture::Picture;
 use super::plane::Plane;
 use super::walk::Change;
-use crate::masks::{LabelId, Region, squared_distance_to};
+use crate::masks::{LabelId, LabelMask, Region, squared_distance_to};
 
 /// Pixels whose motion is looked at to find the object's.
 const MOST_STEPS: usize = 800;
@@ -31,6 +31,8 @@ const GAINED: f32 = 0.1;
 const LOST: f32 = 0.1;
 /// Less than this of the area of late is too little to tell how the object moves.
 const ENOUGH: f32 = 0.4;
+/// Frames from the anchor on over which its shape counts, where flow cannot be trusted, falls to 1/e.
+const NEAR_STEPS: f32 = 5.0;
 /// By how much of itself the search grows with every frame in which the object is not well seen.
 const SEARCH_GROWTH: f32 = 0.1;
 const WIDEST_SEARCH: f32 = 3.0;
@@ -56,6 +58,8 @@ pub(super) struct Object {
     /// How it moved last.
     motion: Affine2,
     areas: Vec<f32>,
+    /// Frames since the anchor.
+    steps: usize,
     /// Frames since the object was last well seen, its shape then, and where that shape's centre was.
     hidden: usize,
     shape: Plane,
@@ -79,10 +83,11 @@ pub(super) struct Prediction {
 }
 
 impl Object {
-    /// The object of an anchor; its region is at the working size and not empty.
-    pub fn new(id: LabelId, region: Region, picture: &Picture) -> Self {
+    /// A label of an anchor's mask, which is at the working size and shows it.
+    pub fn new(id: LabelId, picture: &Picture, mask: &LabelMask) -> Self {
+        let region = mask.region(id);
         let shape = Plane::of_mask(picture.width, picture.height, &region.inside);
-        let colors = colors_of(picture, &region);
+        let colors = colors_of(picture, &region, mask);
         let area = region.area() as f32;
         let cell_side = ((area.sqrt() / CELLS_ACROSS).round() as usize).clamp(3, 10).max(extent(&region) / MOST_CELLS);
         let centre = centre_of(&shape, 0.5).unwrap_or(Vec2::ZERO);
@@ -104,18 +109,20 @@ impl Object {
             centre,
             motion: Affine2::IDENTITY,
             areas: vec![area],
+            steps: 0,
             faith: 1.0,
             likeness: 1.0,
         }
     }
 
     /// Takes the colours of another anchor into account.
-    pub fn also_looks_like(&mut self, picture: &Picture, region: &Region) {
-        self.first_colors.learn(&colors_of(picture, region), 0.5);
+    pub fn also_looks_like(&mut self, picture: &Picture, mask: &LabelMask) {
+        self.first_colors.learn(&colors_of(picture, &mask.region(self.id), mask), 0.5);
     }
 
-    pub fn mask(&self) -> &Region {
-        &self.mask
+    /// How near the anchor still is, 1 at it and falling to 0.
+    pub fn nearness(&self) -> f32 {
+        (-(self.steps as f32) / NEAR_STEPS).exp()
     }
 
     /// How sure it is that the mask is right, 0–1; within a hundred frames of the anchor about the IoU to be expected, from
@@ -272,16 +279,17 @@ impl Object {
         }
     }
 
-    /// Makes a decided mask the object's, and learns from it.
+    /// Makes a decided mask the object's, and learns from it and from what all objects are in the frame.
     pub fn settle(
         &mut self,
-        mask: Region,
+        (mask, all): (Region, &LabelMask),
         prediction: &Prediction,
         evidence: &Evidence,
         change: &Change,
         options: &FlowOptions,
     ) {
         let picture = &change.next;
+        self.steps += 1;
         let well_seen = mask.area() as f32 > ENOUGH * self.usual_area();
         self.hidden = if well_seen { 0 } else { self.hidden + 1 };
         if well_seen {
@@ -294,7 +302,7 @@ impl Object {
         self.centre = prediction.centre;
         self.likeness = 0.0;
         if !mask.is_empty() {
-            let colors = colors_of(picture, &mask);
+            let colors = colors_of(picture, &mask, all);
             self.likeness = self.first_colors.likeness(&colors);
             self.faith *= self.step_confidence(&mask, prediction, change, self.likeness);
             self.last_colors.learn(&colors, options.color_rate);
@@ -336,10 +344,12 @@ fn centre_of(plane: &Plane, level: f32) -> Option<Vec2> {
     (count > 0).then(|| (sum / count as f64).as_vec2())
 }
 
-/// The colours of a region and of what lies around it.
-fn colors_of(picture: &Picture, region: &Region) -> ColorModel {
+/// The colours of a region, of what lies around it, and of all others that `mask` shows: where two things alike meet,
+/// colour tells neither from the other, also where only one of them lies in the other's surroundings.
+fn colors_of(picture: &Picture, region: &Region, mask: &LabelMask) -> ColorModel {
     let reach = 0.3 * (region.area() as f32).sqrt() + 6.0;
     let near = (reach * reach) as u32;
     let around: Vec<bool> = squared_distance_to(region).into_iter().map(|d| d > 0 && d <= near).collect();
-    ColorModel::new(&picture.bins, &region.inside, &around)
+    let others = mask.ids.iter().zip(&region.inside).map(|(&id, &inside)| id != LabelId::NONE && !inside);
+    ColorModel::new(&picture.bins, &region.inside, &around, &others.collect::<Vec<bool>>())
 }

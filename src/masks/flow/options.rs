@@ -7,6 +7,8 @@ pub struct FlowOptions {
     pub flow_weight: f32,
     /// How much a pixel whose flow cannot be trusted speaks against the object.
     pub doubt_weight: f32,
+    /// Weight of the expected shape where the flow cannot be trusted, next to an anchor.
+    pub shape_weight: f32,
     /// Weight of the distance from where the object is expected.
     pub place_weight: f32,
     /// Weight of the object's colours in the anchors.
@@ -39,6 +41,7 @@ impl Default for FlowOptions {
             most_side: 640,
             flow_weight: 1.0,
             doubt_weight: 0.7,
+            shape_weight: 1.0,
             place_weight: 0.3,
             first_color_weight: 0.35,
             last_color_weight: 0.25,

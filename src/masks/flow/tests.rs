@@ -9,7 +9,7 @@ use rand::RngExt;
 use rand_pcg::Pcg32;
 
 use super::FlowTracker;
-use super::dis::flow_between;
+use super::dis::{Finest, flow_between};
 use super::plane::Plane;
 use super::pyramid::Pyramid;
 use crate::engine::job::Progress;
@@ -140,7 +140,7 @@ fn flow_finds_how_far_a_texture_moves() {
         let grey = |x: usize, y: usize| 128.0 + 90.0 * noise.at((Vec2::new(x as f32, y as f32) - shift) / 6.0);
         Pyramid::new(Plane::from_fn(200, 150, grey), 16)
     };
-    let flow = flow_between(&picture(Vec2::ZERO), &picture(shift));
+    let flow = flow_between(&picture(Vec2::ZERO), &picture(shift), Finest::Half);
     let mut misses: Vec<f32> =
         (30..120).flat_map(|y| (30..170).map(move |x| (x, y))).map(|(x, y)| flow.at(x, y).distance(shift)).collect();
     misses.sort_by(f32::total_cmp);

@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use super::dis::Finest;
 use super::gap::{Gap, gaps};
 use super::memory::Describer;
 use super::options::FlowOptions;
@@ -110,7 +111,8 @@ impl Run<'_> {
     }
 
     /// Walks from an anchor to the frame `last`, which lies before or after it; the colours of the anchor at the other
-    /// end are heeded too. An anchor that cannot be read starts no walk.
+    /// end are heeded too. Between anchors, where few frames are corrected and each shall be right, flow is measured
+    /// finely. An anchor that cannot be read starts no walk.
     fn walk(
         &mut self,
         anchor: usize,
@@ -127,12 +129,13 @@ impl Run<'_> {
             walk.learn(&picture, &mask);
         }
         let mut route = Route::new(anchor, last, size);
+        let finest = if other.is_some() { Finest::Full } else { Finest::Half };
         let mut at = anchor;
-        let mut coming = change(&mut route, &mut self.pictures, &picture)?;
+        let mut coming = change(&mut route, &mut self.pictures, &picture, finest)?;
         while let Some((frame, step)) = coming {
             picture = Arc::clone(&step.next);
             let (pictures, progress) = (&mut self.pictures, self.progress);
-            let ahead = || change(&mut route, pictures, &picture);
+            let ahead = || change(&mut route, pictures, &picture, finest);
             let (walked, following) = rayon::join(|| walk.advance(step, progress), ahead);
             found(self, frame, walked?);
             self.done += frame.abs_diff(std::mem::replace(&mut at, frame));
@@ -162,6 +165,7 @@ fn change(
     route: &mut Route,
     pictures: &mut Pictures<'_>,
     last: &Picture,
+    finest: Finest,
 ) -> Result<Option<(usize, Change)>, MaskError> {
-    Ok(route.next(pictures)?.map(|(frame, next)| (frame, Change::new(last, next))))
+    Ok(route.next(pictures)?.map(|(frame, next)| (frame, Change::new(last, next, finest))))
 }

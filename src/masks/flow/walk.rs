@@ -3,7 +3,7 @@ use std::sync::Arc;
 use glam::Vec2;
 use rayon::prelude::*;
 
-use super::dis::flow_between;
+use super::dis::{Finest, flow_between};
 use super::evidence::{Evidence, evidence, median};
 use super::memory::Memory;
 use super::motion::{PlaneMotion, Step};
@@ -35,9 +35,9 @@ pub(super) struct Change {
 
 impl Change {
     /// Measures the flow both ways.
-    pub fn new(last: &Picture, next: Arc<Picture>) -> Self {
-        let (forward, backward) =
-            rayon::join(|| flow_between(&last.pyramid, &next.pyramid), || flow_between(&next.pyramid, &last.pyramid));
+    pub fn new(last: &Picture, next: Arc<Picture>, finest: Finest) -> Self {
+        let flow = |from: &Picture, to: &Picture| flow_between(&from.pyramid, &to.pyramid, finest);
+        let (forward, backward) = rayon::join(|| flow(last, &next), || flow(&next, last));
         let reliable = Plane::from_fn(next.width, next.height, |x, y| {
             let vector = backward.at(x, y);
             let miss = (vector + forward.sample(Vec2::new(x as f32, y as f32) + vector)).length();
@@ -92,7 +92,7 @@ impl<'a> Walk<'a> {
         let mut labels: Vec<LabelId> = mask.ids.iter().copied().filter(|&id| id != LabelId::NONE).collect();
         labels.sort_unstable();
         labels.dedup();
-        let objects = labels.into_par_iter().map(|id| Object::new(id, mask.region(id), picture)).collect();
+        let objects = labels.into_par_iter().map(|id| Object::new(id, picture, mask)).collect();
         let mut walk = Self { options, objects, memory: Memory::default() };
         walk.remember(picture, mask);
         walk
@@ -102,9 +102,8 @@ impl<'a> Walk<'a> {
     pub fn learn(&mut self, picture: &Picture, mask: &LabelMask) {
         self.remember(picture, mask);
         for object in &mut self.objects {
-            let region = mask.region(object.id);
-            if !region.is_empty() {
-                object.also_looks_like(picture, &region);
+            if mask.ids.contains(&object.id) {
+                object.also_looks_like(picture, mask);
             }
         }
     }
@@ -129,24 +128,25 @@ impl<'a> Walk<'a> {
         });
         let known: Vec<(Prediction, Evidence)> = known.collect::<Result<_, Stopped>>()?;
         let rivals = Rivals::new(&known, change.next.width * change.next.height, change.next.width);
-        let decided = self.objects.par_iter_mut().zip(known).enumerate().map(|(place, (object, known))| {
+        let decided = self.objects.par_iter().zip(known).enumerate().map(|(place, (object, known))| {
             progress.check()?;
             let (prediction, mut evidence) = known;
             rivals.contest(place, &mut evidence, change.next.width);
             let mut mask = object.decide(&prediction, &evidence, &change.next, options);
             rivals.withdraw(place, &mut mask);
-            object.settle(mask, &prediction, &evidence, &change, options);
-            Ok(())
+            Ok((mask, prediction, evidence))
         });
-        decided.collect::<Result<(), Stopped>>()?;
+        let decided: Vec<(Region, Prediction, Evidence)> = decided.collect::<Result<_, Stopped>>()?;
         let next = &change.next;
         let mut mask = LabelMask::empty(next.width as u32, next.height as u32);
-        for object in &self.objects {
-            let region = object.mask();
+        for (object, (region, ..)) in self.objects.iter().zip(&decided) {
             for (id, _) in mask.ids.iter_mut().zip(&region.inside).filter(|(_, inside)| **inside) {
                 *id = object.id;
             }
         }
+        self.objects.par_iter_mut().zip(decided).for_each(|(object, (region, prediction, evidence))| {
+            object.settle((region, &mask), &prediction, &evidence, &change, options);
+        });
         let confidence = self.objects.iter().map(|object| (object.id, object.confidence())).collect();
         Ok(WalkedFrame { mask, confidence })
     }
