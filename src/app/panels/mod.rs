@@ -1,6 +1,7 @@
 //! Panels around the picture: one file each, one function per section.
 
 mod asked;
+mod asked_place;
 mod chosen;
 mod cloud_labels;
 mod doubt;
