@@ -1,5 +1,6 @@
 //! Panels around the picture: one file each, one function per section.
 
+mod angles;
 mod asked;
 mod asked_place;
 mod chosen;
