@@ -37,11 +37,11 @@ pub(super) fn angles_ui(ui: &mut Ui, look: &Look<'_>, tree: &LabelTree, angles: 
             label_ui(ui, tree, &format!("First label of angle {number}"), &mut choice.0[0]);
             ui.label("and");
             label_ui(ui, tree, &format!("Second label of angle {number}"), &mut choice.0[1]);
+            value_ui(ui, look, choice.pair());
             let button = ui.small_button("×").on_hover_text("Tells this angle no more");
             if button.accessible_name(format!("Remove angle {number}")).clicked() {
                 removed = Some(place);
             }
-            value_ui(ui, look, choice.pair());
         });
     }
     if let Some(place) = removed {

@@ -1,4 +1,4 @@
-use egui::{Align2, Id, Pos2, Rect, Ui, Vec2, Window, WindowDrag};
+use egui::{Align2, Id, Pos2, Rangef, Rect, Ui, Vec2, Window, WindowDrag};
 use glam::Vec3;
 
 /// Where the window of the point asked about stands: where it was left, unless it would cover the point that was just
@@ -9,6 +9,8 @@ pub(super) struct AskedPlace {
     is_low: bool,
     /// The point it was placed for.
     of: Option<Vec3>,
+    /// From where to where the view reached across the window then.
+    within: Option<Rangef>,
 }
 
 /// Around a point so much stays free, in points of the screen.
@@ -42,11 +44,13 @@ impl AskedPlace {
         if is_moved { window.current_pos(corner) } else { window.default_pos(corner) }
     }
 
-    /// Chooses a corner away from another point than the last; whether it does.
+    /// Chooses a corner away from another point than the last, or of another view; whether it does.
     fn turn_away(&mut self, rect: Rect, now: Option<Rect>, (point, at): (Vec3, Option<Pos2>)) -> bool {
         let is_new = self.of.replace(point) != Some(point);
-        let Some(at) = at.filter(|_| is_new) else { return false };
-        if now.is_some_and(|now| !now.expand(FREE).contains(at)) {
+        // Beside other panes the view begins or ends elsewhere: what was a corner may be its middle.
+        let is_elsewhere = self.within.replace(rect.x_range()) != Some(rect.x_range());
+        let Some(at) = at.filter(|_| is_new || is_elsewhere) else { return false };
+        if !is_elsewhere && now.is_some_and(|now| !now.expand(FREE).contains(at)) {
             return false;
         }
         let middle = rect.center();
@@ -92,6 +96,20 @@ mod tests {
         assert_eq!(after(rect, &[right]).left_top(), Pos2::new(110.0, 60.0));
         assert_eq!(after(rect, &[right, low]).left_top(), Pos2::new(110.0, 60.0), "it does not cover that");
         assert_eq!(after(rect, &[left, right]).left_top(), Pos2::new(110.0, 60.0));
+    }
+
+    #[test]
+    fn it_goes_to_a_corner_of_the_view_among_other_panes() {
+        let (wide, narrow) =
+            (Rect::from_min_max(Pos2::ZERO, Pos2::new(900.0, 700.0)), Rect::everything_right_of(500.0));
+        let narrow = narrow.intersect(wide);
+        let (mut place, at) = (AskedPlace::default(), Some(Pos2::new(800.0, 300.0)));
+        assert!(place.turn_away(narrow, None, (Vec3::X, at)));
+        let (pivot, corner) = place.corner(narrow);
+        let now = Some(pivot.anchor_size(corner, Vec2::new(200.0, 250.0)));
+        assert!(!place.turn_away(narrow, now, (Vec3::X, at)));
+        assert!(place.turn_away(wide, now, (Vec3::X, at)), "it is not in a corner of that");
+        assert_eq!(place.corner(wide).1, Pos2::new(10.0, 10.0));
     }
 
     #[test]
