@@ -76,13 +76,13 @@ impl AskedPlace {
 mod tests {
     use super::*;
 
-    /// Where a window of 250 × 300 stands after points were asked about.
+    /// Where a window 300 high stands after points were asked about.
     fn after(rect: Rect, points: &[Pos2]) -> Rect {
         let (mut place, mut now) = (AskedPlace::default(), None);
         for (number, &at) in points.iter().enumerate() {
             if place.turn_away(rect, now, (number as f32 * Vec3::X, Some(at))) {
                 let (pivot, corner) = place.corner(rect);
-                now = Some(pivot.anchor_size(corner, Vec2::new(250.0, 300.0)));
+                now = Some(pivot.anchor_size(corner, Vec2::new(WIDTH, 300.0)));
             }
         }
         now.unwrap()
