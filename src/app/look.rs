@@ -10,7 +10,7 @@ use crate::scene::measure::{LengthUnit, TraitRow};
 use crate::scene::select::Selection;
 use crate::scene::{LabelledCloud, LabelledMesh};
 use crate::session::{
-    Engine, EngineKind, Estimate, Grounding, JobView, Pictures, Project, ProposedInstances, Row, SparseModel,
+    Angles, Engine, EngineKind, Estimate, Grounding, JobView, Pictures, Project, ProposedInstances, Row, SparseModel,
     Suggestion,
 };
 
@@ -71,6 +71,8 @@ pub struct Look<'a> {
     pub contradicted: Option<&'a Arc<Region>>,
     /// What was measured of the cloud's labels, once it was asked for.
     pub traits: Option<&'a Arc<Vec<TraitRow>>>,
+    /// The angles between labels that were asked for, once they are measured.
+    pub angles: Option<&'a Angles>,
     /// What lengths of the scene are told in.
     pub unit: LengthUnit,
     /// How good the masks probably are.

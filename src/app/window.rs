@@ -149,6 +149,7 @@ impl Window {
             doubts,
             contradicted: view.shows_contradiction(doubts).then(|| self.session.contradicted(view.frame)).flatten(),
             traits: view.measures.open.then(|| self.session.traits(view.measures.wish)).flatten(),
+            angles: view.measures.open.then(|| self.session.angles(view.measures.pairs())),
             unit: self.session.length_unit(),
             estimate: self.estimate,
         };

@@ -8,7 +8,6 @@ use super::mask_args::{GroundArgs, MasksArgs, PromptArgs, TidyArgs, TraceArgs};
 use super::values;
 use crate::frames::cameras::IntrinsicsSource;
 use crate::scene::instances::InstanceOptions;
-use crate::scene::measure::LengthUnit;
 use crate::session::Provider;
 
 /// Turns pictures into labelled 3-D: click, track, reconstruct, vote, measure, export.
@@ -92,7 +91,7 @@ pub(super) enum Verb {
     /// Tell the instances of a class apart by what hangs together in the cloud.
     Instances(InstancesArgs),
     /// Write results to files.
-    Export(ExportArgs),
+    Export(super::export::ExportArgs),
     /// Draw the labelled cloud into a PNG, or a film that goes around it.
     Shot(ShotArgs),
     /// Say what a project holds.
@@ -355,63 +354,6 @@ pub(super) struct FuseArgs {
     /// Vote on the points of this cloud.
     #[arg(long, value_name = "CLOUD.ply")]
     pub onto: Option<PathBuf>,
-}
-
-#[derive(Debug, Args)]
-pub(super) struct ExportArgs {
-    /// The project's folder.
-    pub project: PathBuf,
-    /// Labelled cloud (.ply, .las, .laz or .pcd).
-    #[arg(long, value_name = "F")]
-    pub cloud: Option<PathBuf>,
-    /// Labelled mesh (.ply, .obj or .glb).
-    #[arg(long, value_name = "F")]
-    pub mesh: Option<PathBuf>,
-    /// Labelled voxels (.ply, .npz or .vox).
-    #[arg(long, value_name = "F")]
-    pub voxels: Option<PathBuf>,
-    /// COLMAP text model.
-    #[arg(long, value_name = "DIR")]
-    pub cameras: Option<PathBuf>,
-    /// The COLMAP model in its binary encoding.
-    #[arg(long, requires = "cameras")]
-    pub binary: bool,
-    /// Pictures and masks without lens distortion, with a COLMAP model of their cameras.
-    #[arg(long, value_name = "DIR")]
-    pub undistorted: Option<PathBuf>,
-    /// Fill voxels with what they enclose.
-    #[arg(long, requires = "voxels")]
-    pub solid: bool,
-    /// Masks of all frames, with labels.json.
-    #[arg(long, value_name = "DIR")]
-    pub masks: Option<PathBuf>,
-    /// How masks are written: davis (palette PNGs), binary, coco or yolo.
-    #[arg(long, requires = "masks", value_parser = ["davis", "binary", "coco", "yolo"])]
-    pub mask_format: Option<String>,
-    /// 32-bit float TIFFs in world units.
-    #[arg(long, value_name = "DIR")]
-    pub depths: Option<PathBuf>,
-    /// Measurements per label.
-    #[arg(long, value_name = "F.csv")]
-    pub traits: Option<PathBuf>,
-    /// Measure heights above a label (a table, the soil) or the plane NX,NY,NZ,D (all x with N·x = D); fitted when absent.
-    #[arg(long, value_name = "LABEL|NX,NY,NZ,D", requires = "traits", allow_hyphen_values = true)]
-    pub ground: Option<String>,
-    /// Tell lengths in m, cm, mm, or the scene's own units.
-    #[arg(long, requires = "traits", value_parser = values::length_unit)]
-    pub unit: Option<LengthUnit>,
-    /// Read deeper labels as their ancestor at this depth (1 = top).
-    #[arg(long, value_name = "N", value_parser = values::from_one)]
-    pub level: Option<usize>,
-    /// Write the same points in label colours beside the file.
-    #[arg(long)]
-    pub twin: bool,
-    /// Write one file per label too.
-    #[arg(long)]
-    pub per_label: bool,
-    /// Keep this share of the mesh's triangles; borders of labels stay.
-    #[arg(long, value_name = "SHARE", requires = "mesh", value_parser = values::part)]
-    pub simplify: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -11,6 +11,7 @@ mod doubt;
 mod drive;
 mod eval;
 mod eval_args;
+mod export;
 mod info;
 mod instances;
 mod mask_args;

@@ -1,13 +1,10 @@
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 
-use super::args::{ExportArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, ScaleArgs, TrackArgs, Way};
+use super::args::{FuseArgs, LabelArgs, Method, ReconstructArgs, ScaleArgs, TrackArgs, Way};
 use super::drive::Driver;
-use crate::frames::cameras::ModelEncoding;
 use crate::masks::{Direction, LabelId};
-use crate::scene::measure::GroundChoice;
 use crate::session::{
-    Command, ExportRequest, FuseRequest, Project, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest,
-    TrackSettings,
+    Command, FuseRequest, Project, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest, TrackSettings,
 };
 
 pub(super) fn label(args: LabelArgs) -> Result<()> {
@@ -85,50 +82,4 @@ pub(super) fn fuse(args: FuseArgs) -> Result<()> {
         onto: args.onto,
     };
     Driver::open(&args.project)?.act_and_save([Command::Fuse(request)])
-}
-
-pub(super) fn export(args: ExportArgs) -> Result<()> {
-    let driver = Driver::open(&args.project)?;
-    let ground = args.ground.as_deref().map_or(Ok(GroundChoice::Fitted), |text| ground(driver.project()?, text))?;
-    let request = ExportRequest {
-        cloud: args.cloud,
-        mesh: args.mesh,
-        voxels: args.voxels,
-        cameras: args.cameras,
-        camera_encoding: if args.binary { ModelEncoding::Binary } else { ModelEncoding::Text },
-        undistorted: args.undistorted,
-        solid: args.solid,
-        masks: args.masks,
-        mask_format: args.mask_format,
-        depths: args.depths,
-        traits: args.traits,
-        ground,
-        unit: args.unit,
-        level: args.level,
-        twin: args.twin,
-        per_label: args.per_label,
-        simplify: args.simplify,
-    };
-    if request
-        == (ExportRequest {
-            level: request.level,
-            twin: request.twin,
-            per_label: request.per_label,
-            ..Default::default()
-        })
-    {
-        bail!(
-            "nothing to export was named; give --cloud, --mesh, --voxels, --cameras, --masks, --depths or --traits with a path"
-        );
-    }
-    driver.act_and_save([Command::Export(request)])
-}
-
-/// Four numbers are a plane, all else is a label's name.
-fn ground(project: &Project, text: &str) -> Result<GroundChoice> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
-    match numbers.as_deref() {
-        Ok(&[x, y, z, offset]) => Ok(GroundChoice::Plane { normal: [x, y, z], offset }),
-        _ => Ok(GroundChoice::Label(label_id(project, text)?)),
-    }
 }

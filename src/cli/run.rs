@@ -7,7 +7,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use super::args::{Cli, Verb};
 use super::drive::{Driver, Interrupted};
 use super::print::say;
-use super::{demo, doubt, eval, info, instances, masks, models, project, range, shot, sources};
+use super::{demo, doubt, eval, export, info, instances, masks, models, project, range, shot, sources};
 use crate::session::{Command, Provider, Recipe};
 
 /// The program: reads the words, does the job, gives the exit code (0 done, 1 failed, 2 usage, 130 stopped).
@@ -54,7 +54,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Verb::Fuse(args) => project::fuse(args),
         Verb::Doubt(args) => doubt::doubt(&args),
         Verb::Instances(args) => instances::instances(&args),
-        Verb::Export(args) => project::export(args),
+        Verb::Export(args) => export::export(args),
         Verb::Shot(args) => shot::shot(&args),
         Verb::Info(args) => info::info(&args),
         Verb::Eval(verb) => eval::eval(verb),

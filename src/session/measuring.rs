@@ -1,5 +1,5 @@
 use std::cell::Cell;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use super::jobs::{Kind, Landing};
 use super::{JobId, Project, ResultKind, Session};
@@ -27,22 +27,28 @@ impl MeasureWish {
 #[derive(Default)]
 pub(super) struct Measuring {
     wanted: Cell<Option<MeasureWish>>,
-    of: Option<Measured>,
+    of: Option<(Subject, MeasureWish)>,
     rows: Option<Arc<Vec<TraitRow>>>,
     job: Option<JobId>,
 }
 
-/// What traits depend on: names and colours of labels do not change them.
+/// What traits depend on: names and colours of labels do not change them. It does not keep the cloud, so that a round that
+/// another has replaced leaves the memory though nobody measures anew.
 #[derive(Clone)]
-struct Measured {
-    cloud: Arc<LabelledCloud>,
+pub(super) struct Subject {
+    cloud: Weak<LabelledCloud>,
     parents: Vec<(LabelId, Option<LabelId>)>,
-    wish: MeasureWish,
 }
 
-impl Measured {
-    fn is(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.cloud, &other.cloud) && self.parents == other.parents && self.wish == other.wish
+impl Subject {
+    pub(super) fn is(&self, other: &Self) -> bool {
+        Weak::ptr_eq(&self.cloud, &other.cloud) && self.parents == other.parents
+    }
+}
+
+impl Measuring {
+    fn is_of(&self, (subject, wish): &(Subject, MeasureWish)) -> bool {
+        self.of.as_ref().is_some_and(|of| of.0.is(subject) && of.1 == *wish)
     }
 }
 
@@ -52,7 +58,7 @@ impl Session {
     #[must_use]
     pub fn traits(&self, wish: MeasureWish) -> Option<&Arc<Vec<TraitRow>>> {
         self.measuring.wanted.set(Some(wish));
-        let same = self.measuring.of.as_ref().is_some_and(|of| of.wish == wish);
+        let same = self.measuring.of.as_ref().is_some_and(|of| of.1 == wish);
         self.measuring.rows.as_ref().filter(|_| same)
     }
 
@@ -62,25 +68,32 @@ impl Session {
         self.project().map_or(LengthUnit::World, |project| length_unit(project))
     }
 
+    /// The cloud to measure, the tree that its labels lie in, and what of both measures depend on.
+    pub(super) fn measurable(&self) -> Option<(Arc<LabelledCloud>, LabelTree, Subject)> {
+        let cloud = Arc::clone(self.cloud()?);
+        let tree = self.project().map_or_else(|| cloud.tree.clone(), |project| project.labels.clone());
+        let parents = tree.iter().map(|label| (label.id, label.parent)).collect();
+        let subject = Subject { cloud: Arc::downgrade(&cloud), parents };
+        Some((cloud, tree, subject))
+    }
+
     /// Starts to measure what was asked for, in the place of what was asked for before.
     pub(super) fn measure_wanted(&mut self) {
         let Some(wish) = self.measuring.wanted.take() else { return };
-        let Some(cloud) = self.cloud().cloned() else { return };
-        let tree = self.project().map_or_else(|| cloud.tree.clone(), |project| project.labels.clone());
-        let parents = tree.iter().map(|label| (label.id, label.parent)).collect();
-        let wanted = Measured { cloud, parents, wish };
-        if self.measuring.of.as_ref().is_some_and(|of| of.is(&wanted)) {
+        let Some((cloud, tree, subject)) = self.measurable() else { return };
+        let measured = (subject, wish);
+        if self.measuring.is_of(&measured) {
             return;
         }
         if let Some(job) = self.measuring.job.take() {
             self.stop(job);
         }
         self.measuring.rows = None;
-        self.measuring.of = Some(wanted.clone());
+        self.measuring.of = Some(measured.clone());
         self.measuring.job = Some(self.start("Measure", Kind::Short, move |link| {
-            let rows = measure(&under(&wanted.cloud, tree), &wish.options(), &link.progress)?;
+            let rows = measure(&under(&cloud, tree), &wish.options(), &link.progress)?;
             Ok(Box::new(move |session: &mut Self| {
-                if session.measuring.of.as_ref().is_some_and(|of| of.is(&wanted)) {
+                if session.measuring.is_of(&measured) {
                     session.measuring.rows = Some(Arc::new(rows));
                 }
                 Ok(())
@@ -90,7 +103,7 @@ impl Session {
 }
 
 /// The cloud under a tree; copied only where it is another than its own.
-fn under(cloud: &Arc<LabelledCloud>, tree: LabelTree) -> Arc<LabelledCloud> {
+pub(super) fn under(cloud: &Arc<LabelledCloud>, tree: LabelTree) -> Arc<LabelledCloud> {
     if cloud.tree == tree { Arc::clone(cloud) } else { Arc::new(LabelledCloud { tree, ..LabelledCloud::clone(cloud) }) }
 }
 

@@ -3,6 +3,7 @@
 //! May use: every room above. Must not touch: egui, printing, exit codes.
 
 mod act;
+mod angles;
 mod apply;
 mod around;
 mod cloud;
@@ -53,6 +54,7 @@ mod surfaces;
 mod tests;
 
 pub use crate::engine::nn::{Added, CheckedFile, Fetched, Installed, Proof, Provider, Row};
+pub use angles::Angles;
 pub use command::{Command, NewProject, Recipe, TrackSettings};
 pub use correction::{CloudChange, CloudCorrection};
 pub use drawings::Drawings;

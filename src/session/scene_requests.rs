@@ -4,6 +4,7 @@ use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::frames::cameras::ModelEncoding;
+use crate::masks::LabelId;
 use crate::scene::measure::{GroundChoice, LengthUnit};
 
 /// Where cameras and depths come from.
@@ -145,6 +146,9 @@ pub struct ExportRequest {
     /// The plane above which their heights are measured.
     #[serde(default)]
     pub ground: GroundChoice,
+    /// Pairs of labels whose angle is told too, a row for each piece of the first.
+    #[serde(default)]
+    pub angles: Vec<[LabelId; 2]>,
     /// What their lengths are told in; that of the scene when absent.
     #[serde(default)]
     pub unit: Option<LengthUnit>,

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 
+use super::angles::AngleMeasuring;
 use super::cloud::{CloudSlot, CloudState};
 use super::commands::TrackRun;
 use super::contradicted::Contradicted;
@@ -51,6 +52,7 @@ pub struct Session {
     pub(super) doubts: Doubts,
     pub(super) contradicted: Contradicted,
     pub(super) measuring: Measuring,
+    pub(super) angle_measuring: AngleMeasuring,
     pub(super) growing: Growing,
     pub(super) sparse: OnDemand<u64, SparseModel>,
     pub(super) proposed: OnDemand<(CloudState, InstancesRequest), ProposedInstances>,
@@ -95,6 +97,7 @@ impl Session {
             doubts: Doubts::default(),
             contradicted: Contradicted::default(),
             measuring: Measuring::default(),
+            angle_measuring: AngleMeasuring::default(),
             growing: Growing::default(),
             sparse: OnDemand::default(),
             proposed: OnDemand::default(),
@@ -196,6 +199,7 @@ impl Session {
         self.compare_wanted();
         self.contradict_wanted();
         self.measure_wanted();
+        self.measure_wanted_angles();
         self.checkpoint_if_due();
         std::mem::take(&mut self.events)
     }

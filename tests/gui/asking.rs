@@ -104,6 +104,34 @@ fn a_click_tells_who_voted_what_those_first_who_contradict() {
     }
 }
 
+/// Where the window of the point asked about stands.
+fn window(harness: &Harness<'static, Desk>) -> egui::Rect {
+    let id = egui::Id::unique("point asked about");
+    harness.ctx.memory(|memory| memory.area_rect(id)).expect("the window is there")
+}
+
+#[test]
+fn what_is_told_of_a_point_does_not_cover_it() {
+    let mut harness = shown(Panes::Scene);
+    let cloud = harness.state().cloud.clone().unwrap();
+    let pane = harness.get_by_label("3-D view").rect();
+    // The upper corners of the cloud, and its middle.
+    for point in [0, 19, 0, 210] {
+        harness.state_mut().shell.view.asked = Some(Asked::new(&cloud, None, point));
+        harness.run_steps(4);
+        let (window, at) = (window(&harness), mark(&harness));
+        assert!(pane.contains(at) && !window.expand(20.0).contains(at), "{window:?} covers {at}, point {point}");
+        assert!(pane.contains_rect(window), "{window:?} in {pane:?}");
+    }
+    // It stays where the user puts it.
+    let by = egui::Vec2::new(-30.0, 40.0);
+    let from = window(&harness).center_top() + egui::Vec2::new(0.0, 12.0);
+    crate::desk::drag(&mut harness, from, from + by, PointerButton::Primary);
+    harness.run_steps(3);
+    let moved = window(&harness).center_top() + egui::Vec2::new(0.0, 12.0) - from;
+    assert!((moved - by).length() < 2.0, "{moved}");
+}
+
 #[test]
 fn a_voter_that_is_clicked_opens_its_frame_at_the_pixel() {
     let mut harness = shown(Panes::Scene);

@@ -18,8 +18,8 @@ use ostra::scene::measure::{LengthUnit, TraitRow};
 use ostra::scene::select::Selection;
 use ostra::scene::{LabelledCloud, LabelledMesh};
 use ostra::session::{
-    Command, Engine, FrameMask, Grounding, JobView, MaskOrigin, Pictures, Project, ProposedInstances, Row, SparseModel,
-    Suggestion, engines, list_models,
+    Angles, Command, Engine, FrameMask, Grounding, JobView, MaskOrigin, Pictures, Project, ProposedInstances, Row,
+    SparseModel, Suggestion, engines, list_models,
 };
 
 pub const WIDTH: u32 = 64;
@@ -50,6 +50,7 @@ pub struct Desk {
     pub grounding: Option<Grounding>,
     pub doubts: BTreeMap<usize, FrameDoubt>,
     pub traits: Option<Arc<Vec<TraitRow>>>,
+    pub angles: Angles,
     pub asked: Vec<Command>,
 }
 
@@ -80,6 +81,7 @@ impl Desk {
             grounding: None,
             doubts: BTreeMap::new(),
             traits: None,
+            angles: Angles::new(),
             asked: Vec::new(),
         }
     }
@@ -122,6 +124,7 @@ impl Desk {
             grounding: self.grounding.as_ref(),
             interactions: 3,
             traits: self.traits.as_ref(),
+            angles: Some(&self.angles),
             unit: LengthUnit::Metre,
             doubts: &self.doubts,
             contradicted: None,

@@ -9,7 +9,7 @@ use glam::Vec3;
 use ostra::engine::job::Progress;
 use ostra::masks::LabelId;
 use ostra::scene::LabelledCloud;
-use ostra::scene::measure::{GroundChoice, LengthUnit, MeasureOptions, TraitRow, measure};
+use ostra::scene::measure::{Dimension, GroundChoice, LengthUnit, MeasureOptions, TraitRow, measure};
 use ostra::session::{Command, ExportRequest};
 
 use crate::desk::{Desk, press, tree};
@@ -75,6 +75,79 @@ fn a_cell_tells_how_and_from_how_many_points() {
     for told in [tip.as_str(), &area.definition] {
         assert!(harness.query_all_by_label_contains(told).next().is_some(), "{told}");
     }
+}
+
+/// A row that tells an angle of a leaf's piece.
+fn angle(instance: usize, degrees: f64) -> TraitRow {
+    TraitRow {
+        id: LabelId(2),
+        label: "leaf".into(),
+        path: "plant › leaf".into(),
+        instance,
+        name: "angle_to_pot".into(),
+        value: degrees,
+        dimension: Dimension::Angle,
+        definition: "angle between leaf and pot".into(),
+        points: 2345,
+    }
+}
+
+/// Chooses a label in a list.
+fn choose(harness: &mut Harness<'_, Desk>, list: &str, label: &str) {
+    harness.get_by_label(list).click();
+    harness.run_steps(3);
+    let lowest = |a: &egui_kittest::Node<'_>, b: &egui_kittest::Node<'_>| a.rect().top().total_cmp(&b.rect().top());
+    let list = harness.get_by_label(list).rect();
+    let entries = harness.query_all_by_label(label).filter(|node| node.rect().top() > list.top());
+    entries
+        .filter(|node| node.rect().left() < list.right() && node.rect().right() > list.left())
+        .min_by(lowest)
+        .unwrap()
+        .click();
+    harness.run_steps(3);
+}
+
+#[test]
+fn an_angle_between_two_chosen_labels_is_told_and_explained() {
+    let mut harness = shown();
+    harness.get_by_label("Add angle").click();
+    harness.run_steps(2);
+    harness.get_by_label("Choose two labels");
+    choose(&mut harness, "First label of angle 1", "leaf");
+    choose(&mut harness, "Second label of angle 1", "pot");
+    harness.get_by_label("Not measured");
+    assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
+    let pair = [LabelId(2), LabelId(3)];
+    assert_eq!(harness.state().shell.view.measures.pairs().collect::<Vec<_>>(), [pair]);
+
+    harness.state_mut().angles.insert(pair, Ok(vec![angle(1, 34.52), angle(2, 61.0)]));
+    harness.run_steps(2);
+    let at = harness.get_by_label("34.5°").rect().center();
+    harness.hover_at(at);
+    harness.run_steps(60);
+    for told in ["angle between leaf and pot", "From 2345 points", "Of the largest of 2 pieces: 34.5°, 61.0°"] {
+        assert!(harness.query_all_by_label_contains(told).next().is_some(), "{told}");
+    }
+    harness.state_mut().angles.insert(pair, Err("no angle can be told of 'pot'".into()));
+    harness.run_steps(2);
+    harness.get_by_label("no angle can be told of 'pot'");
+
+    harness.get_by_label("Export CSV…").click();
+    harness.run_steps(3);
+    harness.get_by_label("Table file").focus();
+    harness.run_steps(2);
+    harness.event(egui::Event::Text("/out/traits.csv".into()));
+    harness.run_steps(2);
+    harness.get_by_label("Save").click();
+    harness.run_steps(2);
+    let request =
+        ExportRequest { traits: Some("/out/traits.csv".into()), angles: vec![pair], ..ExportRequest::default() };
+    assert_eq!(harness.state().asked, [Command::Export(request)]);
+
+    harness.get_by_label("Remove angle 1").click();
+    harness.run_steps(2);
+    assert!(harness.query_by_label("First label of angle 1").is_none());
+    assert_eq!(harness.state().shell.view.measures.pairs().count(), 0);
 }
 
 #[test]

@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::Command as Process;
+use std::sync::Arc;
 
 use ostra::scene::measure::LengthUnit;
-use ostra::session::{Command, MeasureWish, Session};
+use ostra::session::{Command, FuseRequest, MeasureWish, Session};
 
 use super::command_line::{Recording, done, refused};
 
@@ -112,6 +113,50 @@ fn measures_come_in_the_unit_asked_for_with_their_points() {
     assert!((height - 1000.0).abs() < 15.0 && unit == "mm", "{height} {unit}");
     let (fine, unit, _) = found(&given, "area");
     assert!((fine / 1e6 / area - 1.0).abs() < 1e-4 && unit == "mm^2");
+}
+
+#[test]
+fn a_round_of_the_cloud_that_was_measured_goes_when_another_comes() {
+    let (_recording, project) = fused();
+    let mut session = Session::new();
+    session.act(Command::Open(project.into())).unwrap();
+    session.settle(|_| ControlFlow::Continue(()));
+    let wish = MeasureWish::default();
+    let pair = ["thing", "nothing"].map(|name| session.project().unwrap().labels.by_name(name).unwrap().id);
+    for _ in 0..3 {
+        let _ = (session.traits(wish), session.angles([pair]));
+        session.settle(|_| ControlFlow::Continue(()));
+    }
+    assert!(session.traits(wish).is_some());
+    assert!(session.angles([pair])[&pair].is_err());
+    let former = Arc::downgrade(session.cloud().unwrap());
+    session.act(Command::Fuse(FuseRequest { voxel: Some(0.02), ..FuseRequest::default() })).unwrap();
+    session.settle(|_| ControlFlow::Continue(()));
+    assert!(session.cloud().is_some());
+    assert!(former.upgrade().is_none(), "nobody needs it any more");
+}
+
+#[test]
+fn angles_that_cannot_be_told_are_one_line() {
+    let (recording, project) = fused();
+    let csv = recording.path("traits.csv");
+    let refused = |pair: [&str; 2]| {
+        let told = refused(&["export", &project, "--traits", &csv, "--angle", pair[0], pair[1]]);
+        assert!(!Path::new(&csv).exists(), "{told}");
+        told
+    };
+    for (pair, expected) in [
+        (["thing", "table"], "there is no label 'table' (there is: object, thing, nothing)"),
+        (["thing", "thing"], "'thing' was given twice"),
+        (["object", "thing"], "'thing' is a part of 'object'"),
+        (["thing", "nothing"], "'nothing': it has no points"),
+    ] {
+        let told = refused(pair);
+        assert!(told.contains(expected), "{told}");
+    }
+    let mut run = Process::new(env!("CARGO_BIN_EXE_ostra"));
+    let one = run.args(["export", &project, "--traits", &csv, "--angle", "thing"]).output().unwrap();
+    assert_eq!(one.status.code(), Some(2), "an angle has two labels");
 }
 
 #[test]

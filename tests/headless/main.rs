@@ -17,6 +17,8 @@ mod command_line;
 #[cfg(test)]
 mod constrain;
 #[cfg(test)]
+mod constrain_networks;
+#[cfg(test)]
 mod correct;
 #[cfg(test)]
 mod crash;

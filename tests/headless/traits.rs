@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::process::Command as Process;
 
 use glam::Vec3;
 use ostra::engine::job::Progress;
@@ -34,7 +35,7 @@ fn fused(scene: &Scene, folder: &Path) -> Session {
 /// Largest share (of angles: degrees) by which a trait of the fused cloud may be off; `None` where cameras cannot see it: a
 /// third of each sheath faces away from all of them, and grains a pixel apart are one.
 fn allowed(truth: &TraitRow) -> Option<f64> {
-    match truth.name {
+    match &*truth.name {
         "length" if truth.label.starts_with("stem") => Some(0.02),
         "length" => Some(0.03),
         "area" if truth.label.ends_with("blade") => Some(0.05),
@@ -43,6 +44,33 @@ fn allowed(truth: &TraitRow) -> Option<f64> {
         "insertion_angle" => Some(3.0),
         _ => None,
     }
+}
+
+/// What the program writes of the angles between each leaf and the stems, in one run, and again by a recipe.
+fn exported_angles(folder: &Path, leaves: &[String]) -> Vec<(String, f64)> {
+    let project = folder.join("project").display().to_string();
+    let csv = folder.join("angles.csv");
+    let path = csv.display().to_string();
+    let angles = leaves.iter().flat_map(|leaf| ["--angle", leaf.as_str(), "stem"]);
+    let words = ["export", &project, "--traits", &path].into_iter().chain(angles);
+    let output = Process::new(env!("CARGO_BIN_EXE_ostra")).args(words).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let read = || {
+        let text = std::fs::read_to_string(&csv).unwrap();
+        let rows = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+        let rows = rows.filter(|cells| cells[3] == "angle_to_stem" && cells[2] == "1");
+        rows.map(|cells| (cells[0].clone(), cells[4].parse().unwrap())).collect::<Vec<(String, f64)>>()
+    };
+    let rows = read();
+    // What was done is in the project's recipe.
+    std::fs::remove_file(&csv).unwrap();
+    let mut session = Session::new();
+    perform(&mut session, Command::Open(project.into())).unwrap();
+    let again = session.recipe().commands.iter().rfind(|command| matches!(command, Command::Export(_)));
+    let again = again.unwrap().clone();
+    perform(&mut session, again).unwrap();
+    assert_eq!(read(), rows);
+    rows
 }
 
 fn class_points(cloud: &LabelledCloud, name: &str) -> Vec<Vec3> {
@@ -61,7 +89,8 @@ fn traits_of_the_fused_cloud_are_the_true_ones_and_its_leaves_are_counted() {
     let measured = session.traits(MeasureWish::default()).unwrap().clone();
     let mut compared = 0;
     for (truth, allowed) in scene.traits().iter().filter_map(|truth| Some((truth, allowed(truth)?))) {
-        let same = |row: &&TraitRow| (&row.label, row.instance, row.name) == (&truth.label, truth.instance, truth.name);
+        let same =
+            |row: &&TraitRow| (&row.label, row.instance, &row.name) == (&truth.label, truth.instance, &truth.name);
         let found = measured.iter().find(same).unwrap_or_else(|| panic!("{} of {}", truth.name, truth.label));
         let off = (found.value - truth.value).abs() / if truth.name == "insertion_angle" { 1.0 } else { truth.value };
         println!("{} of {}: {} instead of {}", truth.name, truth.label, found.value, truth.value);
@@ -73,4 +102,20 @@ fn traits_of_the_fused_cloud_are_the_true_ones_and_its_leaves_are_counted() {
     let leaves = class_points(session.cloud().unwrap(), "leaf");
     let instances = find_instances(&leaves, &InstanceOptions::default(), &Progress::default()).unwrap();
     assert_eq!(instances.sizes.len(), 8, "{:?}", instances.sizes);
+    let blades: Vec<String> = (1..=8).map(|k| format!("leaf {k} blade")).collect();
+    // What the window asks for is the same.
+    let pair = ["leaf 3 blade", "stem"].map(|name| session.project().unwrap().labels.by_name(name).unwrap().id);
+    assert!(session.angles([pair]).is_empty());
+    session.settle(|_| ControlFlow::Continue(()));
+    let asked = session.angles([pair])[&pair].clone().unwrap()[0].value;
+    drop(session);
+    let angles = exported_angles(folder.path(), &blades);
+    assert_eq!(angles.iter().map(|(label, _)| label.clone()).collect::<Vec<_>>(), blades);
+    assert!((angles[2].1 - asked).abs() < 1e-3, "{} and {asked}", angles[2].1);
+    for (label, degrees) in angles {
+        let is_truth = |row: &&TraitRow| row.label == label && row.name == "insertion_angle";
+        let truth = scene.traits().iter().find(is_truth).unwrap().value;
+        println!("angle of {label} to its stem: {degrees} instead of {truth}");
+        assert!((degrees - truth).abs() < 3.0, "{label}: {degrees} instead of {truth}");
+    }
 }

@@ -85,7 +85,7 @@ impl Available {
 }
 
 impl ExportForm {
-    /// Traits have the unit and the ground of the window of measures.
+    /// Traits have the unit, the ground and the angles of the window of measures.
     fn request(&self, has: &Available, measures: &MeasureView) -> Option<ExportRequest> {
         let into = typed_path(&self.into)?;
         let path = |wanted: bool, there: bool, name: &str| (wanted && there).then(|| into.join(name));
@@ -102,6 +102,7 @@ impl ExportForm {
             solid: self.solid && self.voxels && has.surface,
             traits: path(self.traits, has.cloud, "traits.csv"),
             ground: measures.wish.ground,
+            angles: if self.traits { measures.pairs().collect() } else { Vec::new() },
             unit: measures.unit,
             level: (self.level > 0).then_some(self.level),
             twin: self.twin,

@@ -64,7 +64,8 @@ pub(in crate::app) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out
 
 fn traits_request(view: &ViewState, path: PathBuf) -> ExportRequest {
     let MeasureWish { level, ground } = view.measures.wish;
-    ExportRequest { traits: Some(path), level, ground, unit: view.measures.unit, ..ExportRequest::default() }
+    let (angles, unit) = (view.measures.pairs().collect(), view.measures.unit);
+    ExportRequest { traits: Some(path), level, ground, angles, unit, ..ExportRequest::default() }
 }
 
 fn texts(wish: PathWish) -> Texts {

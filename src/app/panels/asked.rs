@@ -1,8 +1,9 @@
 use std::sync::Arc;
 
-use egui::{Color32, Rect, Sense, Stroke, Ui, Vec2};
+use egui::{Color32, Pos2, Rect, Sense, Stroke, Ui, Vec2};
 use glam::{DVec2, Vec3};
 
+use super::asked_place::AskedPlace;
 use crate::app::{Look, Panes, ViewState};
 use crate::masks::{LabelId, LabelTree};
 use crate::scene::LabelledCloud;
@@ -13,6 +14,8 @@ const COLOR: Color32 = Color32::from_rgb(255, 235, 90);
 /// Length of an arm of the cross in the 3-D view, in points of the screen, and the gap around the point itself.
 const ARM: f32 = 14.0;
 const GAP: f32 = 4.0;
+/// Of the window that tells of the point.
+const WIDTH: f32 = 180.0;
 /// Pixels between a place in a picture and a point that is seen there.
 const NEAR_PX: f64 = 3.0;
 
@@ -77,9 +80,9 @@ fn middle(x: u32, y: u32) -> DVec2 {
 }
 
 /// A cross around the point asked about in the view that a camera gives, as large from near as from far, and seen before
-/// anything light or dark.
-fn mark(ui: &Ui, rect: Rect, camera: &ViewCamera, asked: &Asked) {
-    let Some((at, _)) = camera.project(asked.place()) else { return };
+/// anything light or dark. Where the middle of the cross is.
+fn mark(ui: &Ui, rect: Rect, camera: &ViewCamera, asked: &Asked) -> Option<Pos2> {
+    let (at, _) = camera.project(asked.place())?;
     let at = rect.min + Vec2::new(at.x, at.y) / ui.pixels_per_point();
     let painter = ui.painter().with_clip_rect(rect);
     for stroke in [Stroke::new(5.0, Color32::BLACK), Stroke::new(2.0, COLOR)] {
@@ -87,17 +90,29 @@ fn mark(ui: &Ui, rect: Rect, camera: &ViewCamera, asked: &Asked) {
             painter.line_segment([at + GAP * arm, at + (GAP + ARM) * arm], stroke);
         }
     }
+    Some(at)
 }
 
-/// A cross at the point asked about, and what is known of it in the corner of the 3-D view: its label, who voted what, and
-/// the way there.
-pub(super) fn asked_ui(ui: &Ui, rect: Rect, camera: &ViewCamera, look: &Look<'_>, view: &mut ViewState) {
+/// A cross at the point asked about, and what is known of it in a corner of the 3-D view away from it: its label, who voted
+/// what, and the way there.
+pub(super) fn asked_ui(
+    ui: &Ui,
+    (rect, camera): (Rect, &ViewCamera),
+    place: &mut AskedPlace,
+    look: &Look<'_>,
+    view: &mut ViewState,
+) {
     view.asked = view.asked.take().zip(look.cloud).and_then(|(asked, cloud)| asked.on(cloud, look.votes));
-    let Some(asked) = view.asked.clone() else { return };
-    mark(ui, rect, camera, &asked);
+    let Some(asked) = view.asked.clone() else {
+        place.forget();
+        return;
+    };
+    let at = mark(ui, rect, camera, &asked);
     let (mut open, mut to) = (true, None);
-    let window = egui::Window::new("Point").open(&mut open).resizable(false).default_width(230.0);
-    window.default_pos(rect.left_top() + Vec2::splat(10.0)).constrain_to(rect).show(ui.ctx(), |ui| {
+    // Small, so that much of the cloud stays in sight.
+    let window = egui::Window::new(egui::RichText::new("Point").strong()).default_width(WIDTH).resizable(false);
+    let window = window.frame(egui::Frame::window(ui.style()).inner_margin(8)).open(&mut open);
+    place.put(window, ui, rect, (asked.place(), at)).constrain_to(rect).show(ui.ctx(), |ui| {
         let tree = if look.root.is_some() { &look.project.labels } else { &asked.cloud.tree };
         label_ui(ui, tree, asked.cloud.labels[asked.point]);
         let at = asked.place();
@@ -115,7 +130,7 @@ pub(super) fn asked_ui(ui: &Ui, rect: Rect, camera: &ViewCamera, look: &Look<'_>
         }
         if !asked.voters.is_empty() {
             ui.separator();
-            egui::ScrollArea::vertical().max_height(150.0).auto_shrink([false, true]).show(ui, |ui| {
+            egui::ScrollArea::vertical().max_height(100.0).auto_shrink([false, true]).show(ui, |ui| {
                 for voter in &asked.voters {
                     ui.horizontal(|ui| {
                         let text = format!("frame {}", voter.frame);

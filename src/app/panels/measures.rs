@@ -1,8 +1,10 @@
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use egui::{Button, ComboBox, DragValue, Grid, RichText, ScrollArea, Ui};
 
+use super::angles::{AngleChoice, add_angle_ui, angles_ui};
 use super::labels::listed;
 use super::measure_columns::{COLUMNS, Column};
 use super::ruler::Ruler;
@@ -23,16 +25,25 @@ pub struct MeasureView {
     pub wish: MeasureWish,
     /// The unit chosen; none = that of the scene.
     pub unit: Option<LengthUnit>,
+    /// Pairs of labels whose angle is told, as far as they are chosen.
+    pub(super) angles: Vec<AngleChoice>,
     /// Column that rows are sorted by, largest first when the second is set; none = order of the tree.
     sorted: Option<(usize, bool)>,
     table: Table,
+}
+
+impl MeasureView {
+    /// The two labels of each angle that is told.
+    pub fn pairs(&self) -> impl Iterator<Item = [LabelId; 2]> {
+        self.angles.iter().filter_map(AngleChoice::pair)
+    }
 }
 
 /// Which row of the traits tells what of which label, found once for each measurement.
 #[derive(Debug, Clone, Default)]
 struct Table {
     rows: Option<Arc<Vec<TraitRow>>>,
-    places: BTreeMap<(LabelId, &'static str), usize>,
+    places: BTreeMap<(LabelId, Cow<'static, str>), usize>,
 }
 
 impl Table {
@@ -43,13 +54,13 @@ impl Table {
         }
         self.places.clear();
         for (place, row) in rows.iter().enumerate().filter(|(_, row)| row.instance <= 1) {
-            self.places.entry((row.id, row.name)).or_insert(place);
+            self.places.entry((row.id, row.name.clone())).or_insert(place);
         }
         self.rows = Some(Arc::clone(rows));
     }
 
     fn find(&self, id: LabelId, name: &'static str) -> Option<&TraitRow> {
-        self.rows.as_ref()?.get(*self.places.get(&(id, name))?)
+        self.rows.as_ref()?.get(*self.places.get(&(id, Cow::Borrowed(name)))?)
     }
 
     /// What a column tells of a label.
@@ -74,6 +85,7 @@ pub(in crate::app) fn measures_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState
         };
         let tree = if look.root.is_some() { &look.project.labels } else { &cloud.tree };
         settings_ui(ui, look, view);
+        angles_ui(ui, look, tree, &mut view.measures.angles);
         ui.separator();
         match look.traits {
             Some(rows) => {
@@ -110,6 +122,7 @@ fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         ui.add_space(8.0);
         unit_ui(ui, "Unit", &mut view.measures.unit, look.unit);
         ui.add_space(8.0);
+        add_angle_ui(ui, view.label, &mut view.measures.angles);
         let button = ui.add_enabled(look.traits.is_some(), Button::new("Export CSV…"));
         if button.on_hover_text("Writes these measures, those of every piece too").clicked() {
             view.path_text.clear();

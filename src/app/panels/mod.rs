@@ -1,6 +1,8 @@
 //! Panels around the picture: one file each, one function per section.
 
+mod angles;
 mod asked;
+mod asked_place;
 mod chosen;
 mod cloud_labels;
 mod doubt;

@@ -4,6 +4,7 @@ use egui::{PointerButton, Rect, Response, Role, Sense, Ui, WidgetInfo};
 use glam::{Vec2, Vec3};
 
 use super::asked::{Asked, asked_ui};
+use super::asked_place::AskedPlace;
 use super::chosen::chosen_ui;
 use super::scene_bar::{labels_of, scene_bar_ui};
 use super::scene_blend::blend;
@@ -33,6 +34,7 @@ pub struct ScenePane {
     /// Where the view was put to look through a camera.
     through: Option<Orbit>,
     hover: SceneHover,
+    asked_place: AskedPlace,
 }
 
 /// Radians a second that the turntable turns.
@@ -70,6 +72,7 @@ impl ScenePane {
             picks: ScenePicks::default(),
             through: None,
             hover: SceneHover::default(),
+            asked_place: AskedPlace::default(),
         }
     }
 
@@ -127,7 +130,7 @@ impl ScenePane {
             });
             view.portrait = portrait.map(|portrait| (wish, portrait));
         }
-        asked_ui(ui, rect, &camera, look, view);
+        asked_ui(ui, (rect, &camera), &mut self.asked_place, look, view);
         chosen_ui(ui, rect, &camera, look, view, wishes);
     }
 

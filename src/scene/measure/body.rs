@@ -72,6 +72,19 @@ impl Body {
         if let Shape::Rod(breadths) = self.shape { Some(breadths.median) } else { None }
     }
 
+    /// Of the middle line; 0 without one.
+    pub(super) fn length(&self) -> f64 {
+        self.curve.as_ref().map_or(0.0, MedialCurve::length)
+    }
+
+    /// Median diameter of a rod or width of a sheet, 0 of anything else.
+    pub(super) fn breadth(&self) -> f64 {
+        match self.shape {
+            Shape::Rod(breadths) | Shape::Ribbon(breadths) => breadths.median,
+            Shape::Lump => 0.0,
+        }
+    }
+
     /// The traits that need no other body; `spacing`: of the points.
     pub(super) fn traits(&self, spacing: f64) -> Vec<Trait> {
         let found = |name, value, definition| Trait::new(name, (value, Length), definition, self.points.len());

@@ -37,12 +37,7 @@ fn box_sizes(points: &[DVec3]) -> DVec3 {
 
 /// Extents along the principal axes, longest first.
 fn principal_sizes(points: &[DVec3]) -> [f64; 3] {
-    let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
-    let mut scatter = Matrix3::<f64>::zeros();
-    for &x in points {
-        let d = nalgebra::Vector3::from((x - mean).to_array());
-        scatter += d * d.transpose();
-    }
+    let (mean, scatter) = scattered(points);
     let axes = SymmetricEigen::new(scatter).eigenvectors;
     let mut sizes = [0, 1, 2].map(|k| {
         let axis = DVec3::new(axes[(0, k)], axes[(1, k)], axes[(2, k)]);
@@ -52,4 +47,29 @@ fn principal_sizes(points: &[DVec3]) -> [f64; 3] {
     });
     sizes.sort_by(|a, b| b.total_cmp(a));
     sizes
+}
+
+/// A body has an axis where it spreads so many times as far along it as across.
+const LONGER: f64 = 1.25;
+
+/// The unit direction along which points spread most; `None` where they spread about as far along another.
+pub(super) fn principal_axis(points: &[DVec3]) -> Option<DVec3> {
+    let eigen = SymmetricEigen::new(scattered(points).1);
+    let most = eigen.eigenvalues.imax();
+    let others = (0..3).filter(|&k| k != most).map(|k| eigen.eigenvalues[k].max(0.0).sqrt());
+    let across = others.fold(0.0, f64::max);
+    let axis = eigen.eigenvectors.column(most);
+    let is_long = eigen.eigenvalues[most].sqrt() > LONGER * across;
+    is_long.then(|| DVec3::new(axis[0], axis[1], axis[2]))
+}
+
+/// Mean and scatter matrix.
+fn scattered(points: &[DVec3]) -> (DVec3, Matrix3<f64>) {
+    let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
+    let mut scatter = Matrix3::<f64>::zeros();
+    for &x in points {
+        let d = nalgebra::Vector3::from((x - mean).to_array());
+        scatter += d * d.transpose();
+    }
+    (mean, scatter)
 }

@@ -10,10 +10,12 @@ use crate::masks::LabelId;
 const LEFT: f64 = 2.2;
 /// A ribbon belongs to a rod when it comes this near its middle line, in the rod's radii.
 const TOUCHES: f64 = 4.0;
+/// So far from a rod's middle line a ribbon has surely left it, also where the line is a guess as the ribbon hides the rod.
+const SURELY_LEFT: f64 = 8.0;
 
 /// Angle in degrees between a ribbon and the rod that it grows from: between the rod's axis where the ribbon leaves it
-/// and the chord of the first `reach` of the ribbon's midrib, the smaller of the two (0–90), and which rod that is. `None`
-/// when the body is no ribbon, none of the rods is near, or it ends sooner.
+/// and the chord of the first `reach` (at least the rod's diameter) of the ribbon's midrib, the smaller of the two (0–90), and
+/// which rod that is. `None` when the body is no ribbon, none of the rods is near, or it ends sooner.
 pub(super) fn insertion_angle<'a>(
     ribbon: &Body,
     rods: impl Iterator<Item = (LabelId, &'a Body)>,
@@ -31,8 +33,9 @@ pub(super) fn insertion_angle<'a>(
     let as_near = near.into_iter().filter(|(_, rod)| distance(rod) <= nearest + radius(rod));
     let (id, rod) = as_near.max_by(|(_, a), (_, b)| length(a).total_cmp(&length(b)))?;
     let middle = rod.curve.as_ref()?;
+    let reach = reach.max(2.0 * radius(rod));
     let outward = if end_distance(tail, rod) <= end_distance(head, rod) { curve.clone() } else { curve.reversed() };
-    let (from, root) = collar(&outward, middle, radius(rod))?;
+    let (from, root) = collar(&outward, middle, radius(rod), reach)?;
     if from + reach > outward.length() {
         return None;
     }
@@ -77,18 +80,40 @@ fn midrib_chord(sheet: &[DVec3], axis: Axis, (root, tip): (DVec3, DVec3), radius
 
 /// Where a ribbon, from its end on the rod outwards, leaves a rod: the arc length there, and the place on the rod's surface.
 /// The middle of a ribbon that is wrapped about the rod lies inside the rod, so that it is pushed out.
-fn collar(ribbon: &MedialCurve, axis: &MedialCurve, radius: f64) -> Option<(f64, DVec3)> {
+fn collar(ribbon: &MedialCurve, axis: &MedialCurve, radius: f64, reach: f64) -> Option<(f64, DVec3)> {
     let distance = |x: DVec3| axis.nearest(x).distance;
-    let leaves = ribbon.points.iter().position(|&x| distance(x) > LEFT * radius)?;
+    let beyond = |times: f64| ribbon.points.iter().position(|&x| distance(x) > times * radius);
+    let leaves = beyond(LEFT)?;
     let outside = |k: &usize| {
         let before = k.checked_sub(1).map_or(0.0, |before| distance(ribbon.points[before]));
         distance(ribbon.points[*k]) > radius.max(before)
     };
     let at = (0..=leaves).rev().find(|k| !outside(k)).unwrap_or(0);
     let off_axis = |x: DVec3| x - axis.point_at(axis.nearest(x).at);
-    let middle = ribbon.points[at];
+    let (from, next) = match knee(ribbon, beyond(TOUCHES), beyond(SURELY_LEFT), reach) {
+        Some(knee) => (knee, ribbon.point_at(knee + 0.25 * reach)),
+        None => (ribbon.length_to(at), ribbon.points[(at + 1).min(leaves)]),
+    };
+    let middle = ribbon.point_at(from);
     let out = off_axis(middle).length().max(radius);
     // A ribbon's middle that lies near the axis does not tell the side to which it leaves.
-    let side = off_axis(ribbon.points[(at + 1).min(leaves)]).normalize_or_zero();
-    Some((ribbon.length_to(at), middle - off_axis(middle) + out * side))
+    let side = off_axis(next).normalize_or_zero();
+    Some((from, middle - off_axis(middle) + out * side))
+}
+
+/// The arc length at which a ribbon that goes along a rod first, as a leaf with its sheath, turns most within `reach` to both
+/// sides: the sheath hides the rod, so that the rod's middle line does not tell where the blade leaves it. `None` where the
+/// ribbon leaves at once. `near` and `far`: the first points that lie off the rod, and surely so.
+fn knee(ribbon: &MedialCurve, near: Option<usize>, far: Option<usize>, reach: f64) -> Option<f64> {
+    let along = ribbon.length_to(near?);
+    if along < 2.0 * reach {
+        return None;
+    }
+    let end = far.map_or(f64::INFINITY, |far| ribbon.length_to(far)).min(ribbon.length() - reach);
+    let places = (0..).map(|k| reach * (1.0 + f64::from(k) / 15.0)).take_while(|&at| at <= end);
+    let turn = |at: f64| {
+        let [before, here, after] = [at - reach, at, at + reach].map(|at| ribbon.point_at(at));
+        (here - before).angle_between(after - here)
+    };
+    places.max_by(|&a, &b| turn(a).total_cmp(&turn(b)))
 }

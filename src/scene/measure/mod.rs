@@ -2,6 +2,9 @@
 //!
 //! May use: masks (the label tree), the cloud, engine::job. Must not touch: files, Project, UI.
 
+mod angle;
+#[cfg(test)]
+mod angle_tests;
 mod area;
 mod axis;
 mod body;
@@ -13,6 +16,7 @@ mod ground;
 mod hull;
 mod insertion;
 mod medial;
+mod meeting;
 mod section;
 mod table;
 #[cfg(test)]
@@ -21,6 +25,7 @@ mod traits;
 mod unit;
 mod voxel_volume;
 
+pub use angle::measure_angles;
 pub use ground::GroundChoice;
 pub use hull::hull_volume;
 pub use table::{TraitRow, traits_csv};

@@ -16,7 +16,7 @@ pub struct TraitRow {
     /// 1 for the first instance of the label; 0 = the label as a whole.
     pub instance: usize,
     /// Which trait, e.g. `length`; the same name means the same thing in truth and measurement.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// In the unit that `dimension` says.
     pub value: f64,
     /// Power of the world unit.
@@ -30,7 +30,7 @@ pub struct TraitRow {
 /// A trait before it is known whose it is.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Trait {
-    name: &'static str,
+    name: Cow<'static, str>,
     value: (f64, Dimension),
     definition: Cow<'static, str>,
     points: usize,
@@ -38,12 +38,12 @@ pub(super) struct Trait {
 
 impl Trait {
     pub(super) fn new(
-        name: &'static str,
+        name: impl Into<Cow<'static, str>>,
         value: (f64, Dimension),
         definition: impl Into<Cow<'static, str>>,
         points: usize,
     ) -> Self {
-        Self { name, value, definition: definition.into(), points }
+        Self { name: name.into(), value, definition: definition.into(), points }
     }
 
     /// Tells that so many points were left out as stray; nothing where it is none.
@@ -78,12 +78,11 @@ impl TraitRow {
 pub fn traits_csv(rows: &[TraitRow], unit: LengthUnit) -> String {
     let mut csv = String::from("label,path,instance,trait,value,unit,definition,points\n");
     for row in rows {
-        let (label, path, definition) = (quoted(&row.label), quoted(&row.path), quoted(&row.definition));
+        let [label, path, name, definition] = [&*row.label, &row.path, &row.name, &row.definition].map(quoted);
         let _ = writeln!(
             csv,
-            "{label},{path},{},{},{},{},{definition},{}",
+            "{label},{path},{},{name},{},{},{definition},{}",
             row.instance,
-            row.name,
             significant(unit.value(row.value, row.dimension)),
             quoted(&unit.name(row.dimension)),
             row.points
@@ -117,7 +116,7 @@ mod tests {
             label: "a,b".into(),
             path: "top › a,b".into(),
             instance: 2,
-            name: "area",
+            name: "area".into(),
             value: 0.001_234_567_8,
             dimension: Dimension::Area,
             definition: "say \"x\"".into(),

@@ -8,7 +8,7 @@ use crate::masks::{Label, LabelId, LabelTree};
 use crate::scene::{LabelledCloud, SceneError};
 
 /// A cloud with labels 1, 2, … called `label 1`, `label 2`, …, moved, turned and scaled to metres from millimetres.
-fn cloud(parts: &[Vec<DVec3>]) -> LabelledCloud {
+pub(super) fn cloud(parts: &[Vec<DVec3>]) -> LabelledCloud {
     let turn = 0.001 * DMat3::from_euler(glam::EulerRot::XYZ, 0.4, -0.7, 1.1);
     let mut cloud = LabelledCloud::default();
     for (k, part) in parts.iter().enumerate() {
@@ -25,7 +25,7 @@ fn cloud(parts: &[Vec<DVec3>]) -> LabelledCloud {
 }
 
 /// Points about 1 mm apart on a patch of `size` mm bent by `place`.
-fn patch(size: (f64, f64), place: impl Fn(f64, f64) -> DVec3) -> Vec<DVec3> {
+pub(super) fn patch(size: (f64, f64), place: impl Fn(f64, f64) -> DVec3) -> Vec<DVec3> {
     let mut dice = Pcg32::new(7, 1);
     let (columns, rows) = (size.0.round() as usize, size.1.round() as usize);
     (0..columns * rows)
@@ -37,7 +37,7 @@ fn patch(size: (f64, f64), place: impl Fn(f64, f64) -> DVec3) -> Vec<DVec3> {
 }
 
 /// The part of a tube's surface over `arc` radians between two heights, mm.
-fn tube(radius: f64, arc: f64, (low, high): (f64, f64)) -> Vec<DVec3> {
+pub(super) fn tube(radius: f64, arc: f64, (low, high): (f64, f64)) -> Vec<DVec3> {
     patch((arc * radius, high - low), |u, v| {
         DVec3::new(radius * (u / radius).cos(), radius * (u / radius).sin(), low + v)
     })
@@ -200,7 +200,7 @@ fn a_stray_speck_far_away_does_not_change_hull_boxes_area_and_heights() {
     let sizes = ["hull_volume", "voxel_volume", "area", "size_long", "size_short", "box_x", "box_y", "box_z"];
     for name in sizes.into_iter().chain(["height_max", "height_min"]) {
         assert_near(value(&noisy, "label 1", 0, name), value(&clean, "label 1", 0, name).unwrap(), 0.01);
-        let row = |rows: &[TraitRow]| rows.iter().find(|row| (row.instance, row.name) == (0, name)).unwrap().clone();
+        let row = |rows: &[TraitRow]| rows.iter().find(|row| (row.instance, &*row.name) == (0, name)).unwrap().clone();
         let (clean, noisy) = (row(&clean), row(&noisy));
         assert!(noisy.definition.ends_with("stray points left out"), "{}", noisy.definition);
         assert!(!clean.definition.contains("stray"), "{}", clean.definition);

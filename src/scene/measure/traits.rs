@@ -49,8 +49,8 @@ impl Default for MeasureOptions {
 const MOST_POINTS: usize = 200_000;
 
 /// A label with its instances.
-struct Measured {
-    id: LabelId,
+pub(super) struct Measured {
+    pub(super) id: LabelId,
     count: usize,
     /// All its points but stray specks, thinned.
     points: Vec<DVec3>,
@@ -60,7 +60,7 @@ struct Measured {
     spacing: f64,
     /// Of what `points` cover.
     area: f64,
-    bodies: Vec<Body>,
+    pub(super) bodies: Vec<Body>,
 }
 
 /// Measures every label of a cloud: number of points and instances, area, hull volume and sizes of the whole
@@ -110,7 +110,7 @@ pub fn measure(
 }
 
 impl MeasureOptions {
-    fn check(&self) -> Result<(), SceneError> {
+    pub(super) fn check(&self) -> Result<(), SceneError> {
         let ranges = [
             ("link", self.link, 1.5, 10.0),
             ("smallest instance in points", self.min_points as f64, 4.0, 1e6),
@@ -133,7 +133,7 @@ fn wanted(tree: &LabelTree, id: LabelId, options: &MeasureOptions) -> bool {
 }
 
 /// Points whose label is `id` or, in the tree, below it. A point with a coordinate that is not finite is left out.
-fn points_of(cloud: &LabelledCloud, id: LabelId) -> Vec<DVec3> {
+pub(super) fn points_of(cloud: &LabelledCloud, id: LabelId) -> Vec<DVec3> {
     let mut counts = vec![false; usize::from(u16::MAX) + 1];
     for label in cloud.tree.iter().filter(|label| cloud.tree.path(label.id).contains(&id)) {
         counts[usize::from(label.id.0)] = true;
@@ -166,7 +166,12 @@ fn insertion(
 }
 
 impl Measured {
-    fn new(id: LabelId, all: &[DVec3], options: &MeasureOptions, progress: &Progress) -> Result<Self, Stopped> {
+    pub(super) fn new(
+        id: LabelId,
+        all: &[DVec3],
+        options: &MeasureOptions,
+        progress: &Progress,
+    ) -> Result<Self, Stopped> {
         let mut least = median_spacing(all);
         let mut points = if least > 0.0 { thinned(all, least) } else { all.to_vec() };
         while points.len() > MOST_POINTS && least > 0.0 {

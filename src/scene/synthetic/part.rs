@@ -51,7 +51,7 @@ impl Assembly {
     ) {
         let label = self.tree.get(id).map_or_else(String::new, |label| label.name.clone());
         let path = TraitRow::path_of(&self.tree, id);
-        let definition = definition.into();
+        let (name, definition) = (name.into(), definition.into());
         self.traits.push(TraitRow { id, label, path, instance: 0, name, value, dimension, definition, points: 0 });
     }
 

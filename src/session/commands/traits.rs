@@ -4,11 +4,11 @@ use anyhow::Result;
 
 use crate::engine::job::Progress;
 use crate::scene::LabelledCloud;
-use crate::scene::measure::{LengthUnit, MeasureOptions, measure, traits_csv};
+use crate::scene::measure::{LengthUnit, MeasureOptions, measure, measure_angles, traits_csv};
 use crate::session::ExportRequest;
 use crate::session::store::replace;
 
-/// Measures every label of a cloud and writes the table, lengths in the unit asked for or else in the scene's.
+/// Measures every label of a cloud and the angles asked for, and writes the table, lengths in the unit asked for or else in the scene's.
 pub fn write(
     path: &Path,
     cloud: &LabelledCloud,
@@ -17,7 +17,8 @@ pub fn write(
     progress: &Progress,
 ) -> Result<()> {
     let options = MeasureOptions { level: request.level, ground: request.ground, ..MeasureOptions::default() };
-    let rows = measure(cloud, &options, progress)?;
+    let mut rows = measure(cloud, &options, progress)?;
+    rows.extend(measure_angles(cloud, &request.angles, &options, progress)?);
     super::make_folder_of(path)?;
     replace(path, traits_csv(&rows, request.unit.unwrap_or(of_scene)).as_bytes())
 }

@@ -1,15 +1,15 @@
 use super::*;
 use crate::scene::LabelledCloud;
-use crate::scene::measure::{MeasureOptions, TraitRow, measure};
+use crate::scene::measure::{MeasureOptions, TraitRow, measure, measure_angles};
 
 fn find<'a>(rows: &'a [TraitRow], like: &TraitRow) -> Option<&'a TraitRow> {
-    rows.iter().find(|row| (&row.label, row.instance, row.name) == (&like.label, like.instance, like.name))
+    rows.iter().find(|row| (&row.label, row.instance, &row.name) == (&like.label, like.instance, &like.name))
 }
 
 /// Largest share by which a measured trait may be off; the area of a sheath alone by more, as its overlapping borders
 /// lie on one another.
 fn tolerance(truth: &TraitRow) -> f64 {
-    match truth.name {
+    match &*truth.name {
         "length" => 0.02,
         "area" if truth.label.ends_with("sheath") => 0.10,
         "width_max" | "width" | "size_long" | "area" => 0.05,
@@ -54,6 +54,33 @@ fn insertion_angles_hold_for_other_plants() {
     for seed in [4, 6] {
         let scene = built(&SceneOptions { views: 12, seed, ..SceneOptions::default() });
         assert_eq!(compare(&scene, 2, |row| row.name == "insertion_angle"), 8);
+    }
+}
+
+/// Largest error of the angle between labels of one's choice, degrees.
+const CHOSEN_DEG: f64 = 3.0;
+
+#[test]
+fn angles_between_a_leaf_and_the_stems_are_its_insertion_angle() {
+    let scene = built(&SceneOptions { views: 12, ..SceneOptions::default() });
+    let options = TruthOptions { spacing_m: 0.001, surroundings_m: None, min_views: 2 };
+    let cloud = scene.cloud(&options, &Progress::default()).unwrap();
+    let id = |name: &str| scene.tree().by_name(name).unwrap().id;
+    let truths: Vec<&TraitRow> = scene.traits().iter().filter(|row| row.name == "insertion_angle").collect();
+    assert_eq!(truths.len(), 8);
+    for truth in truths {
+        let leaf = truth.label.trim_end_matches(" blade");
+        // The blade alone, the leaf with its sheath; against all stems, whose nearest is the leaf's own.
+        for name in [&truth.label, leaf] {
+            let pair = [id(name), id("stem")];
+            let rows = measure_angles(&cloud, &[pair], &MeasureOptions::default(), &Progress::default()).unwrap();
+            assert!(
+                (rows[0].value - truth.value).abs() < CHOSEN_DEG,
+                "{name}: {} instead of {}",
+                rows[0].value,
+                truth.value
+            );
+        }
     }
 }
 
