@@ -4,6 +4,8 @@ use super::{LabelId, LabelMask, Region, squared_depth_in, squared_distance_to};
 
 /// Distances from an outline count up to this, in pixels.
 const MOST_PX: f32 = 24.0;
+/// Two masks of an object that share less (IoU) are not two sights of one outline, with others in between.
+const SAME_OUTLINE: f64 = 0.3;
 /// Least confidence and nearness that count.
 const LEAST: f32 = 1e-3;
 
@@ -18,7 +20,8 @@ pub struct WalkedFrame {
 
 /// One mask out of two walks that met on a frame: between their outlines, nearer to the one that is surer and whose
 /// anchor is nearer (shapes as signed distances: Raya, Udupa, "Shape-based interpolation of multidimensional objects",
-/// IEEE Transactions on Medical Imaging, 1990). `nearness` of the first, 0–1, grows towards its anchor.
+/// IEEE Transactions on Medical Imaging, 1990). Where the two hardly meet, one of them strayed and the other stands, since
+/// between them lies nothing. `nearness` of the first, 0–1, grows towards its anchor.
 #[must_use]
 pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> WalkedFrame {
     let labels: BTreeSet<LabelId> = first.confidence.keys().chain(second.confidence.keys()).copied().collect();
@@ -34,7 +37,9 @@ pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> Walke
             (sure.unwrap_or(0.0), sure.map_or(0.0, |sure| sure.max(LEAST) * near.powi(2).max(LEAST)))
         };
         let ((sure_a, wa), (sure_b, wb)) = (of(first, nearness), of(second, 1.0 - nearness));
-        let share = wa / (wa + wb);
+        let overlap = a.iou(&b);
+        let strayed = !(a.is_empty() || b.is_empty()) && overlap < SAME_OUTLINE;
+        let share = if strayed { f32::from(u8::from(wa >= wb)) } else { wa / (wa + wb) };
         let (da, db) = rayon::join(|| signed_distances(&a), || signed_distances(&b));
         for (at, (da, db)) in da.iter().zip(&db).enumerate() {
             let distance = share * da + (1.0 - share) * db;
@@ -43,7 +48,7 @@ pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> Walke
                 mask.ids[at] = label;
             }
         }
-        let agreed = if wa * wb > 0.0 { 0.5 + 0.5 * a.iou(&b) as f32 } else { 1.0 };
+        let agreed = if wa * wb > 0.0 { 0.5 + 0.5 * overlap as f32 } else { 1.0 };
         confidence.insert(label, sure_a.max(sure_b) * agreed);
     }
     WalkedFrame { mask, confidence }

@@ -23,15 +23,9 @@ pub(super) struct ColorModel {
 }
 
 impl ColorModel {
-    /// From the pixels' bins; `is_object`, `is_around` and `is_other` tell which pixels count. A colour counts against the
-    /// object by its share of what lies around or of the other objects, whichever is larger.
-    pub fn new(bins: &[u16], is_object: &[bool], is_around: &[bool], is_other: &[bool]) -> Self {
-        let mut around = histogram(bins, is_around);
-        if is_other.contains(&true) {
-            let others = histogram(bins, is_other);
-            around.iter_mut().zip(others).for_each(|(around, other)| *around = around.max(other));
-        }
-        Self { object: histogram(bins, is_object), around }
+    /// From the pixels' bins; `is_object` and `is_around` tell which pixels count.
+    pub fn new(bins: &[u16], is_object: &[bool], is_around: &[bool]) -> Self {
+        Self { object: histogram(bins, is_object), around: histogram(bins, is_around) }
     }
 
     /// Natural logarithm of the odds that each bin's colour is the object's, −3 to 3.
@@ -92,24 +86,11 @@ mod tests {
     fn colours_of_the_object_have_good_odds() {
         let (red, blue, green) = (bin_of([50.0, 60.0, 40.0]), bin_of([30.0, 20.0, -60.0]), bin_of([60.0, -50.0, 50.0]));
         let bins = [red, red, blue, blue];
-        let (ours, theirs) = ([true, true, false, false], [false, false, true, true]);
-        let model = ColorModel::new(&bins, &ours, &theirs, &[false; 4]);
+        let model = ColorModel::new(&bins, &[true, true, false, false], &[false, false, true, true]);
         let odds = model.odds();
         assert!(odds[usize::from(red)] > 2.0 && odds[usize::from(blue)] < -2.0);
         assert!(odds[usize::from(green)].abs() < 1e-3);
         assert!((model.likeness(&model) - 1.0).abs() < 1e-5);
         assert!((model.object.iter().sum::<f32>() - 1.0).abs() < 1e-5);
-    }
-
-    #[test]
-    fn a_colour_that_another_object_shows_speaks_for_neither() {
-        let (red, blue) = (bin_of([50.0, 60.0, 40.0]), bin_of([30.0, 20.0, -60.0]));
-        let bins = [red, red, blue, red];
-        let odds = |others: [bool; 4]| {
-            let model = ColorModel::new(&bins, &[true, true, false, false], &[false, false, true, false], &others);
-            model.odds()[usize::from(red)]
-        };
-        assert!(odds([false; 4]) > 2.0);
-        assert!(odds([false, false, false, true]).abs() < 1e-3, "the other is as red, though it lies elsewhere");
     }
 }

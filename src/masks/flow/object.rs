@@ -11,7 +11,7 @@ use super::options::FlowOptions;
 use super::picture::Picture;
 use super::plane::Plane;
 use super::walk::Change;
-use crate::masks::{LabelId, LabelMask, Region, squared_distance_to};
+use crate::masks::{LabelId, Region, squared_distance_to};
 
 /// Pixels whose motion is looked at to find the object's.
 const MOST_STEPS: usize = 800;
@@ -83,11 +83,10 @@ pub(super) struct Prediction {
 }
 
 impl Object {
-    /// A label of an anchor's mask, which is at the working size and shows it.
-    pub fn new(id: LabelId, picture: &Picture, mask: &LabelMask) -> Self {
-        let region = mask.region(id);
+    /// The object of an anchor; its region is at the working size and not empty.
+    pub fn new(id: LabelId, region: Region, picture: &Picture) -> Self {
         let shape = Plane::of_mask(picture.width, picture.height, &region.inside);
-        let colors = colors_of(picture, &region, mask);
+        let colors = colors_of(picture, &region);
         let area = region.area() as f32;
         let cell_side = ((area.sqrt() / CELLS_ACROSS).round() as usize).clamp(3, 10).max(extent(&region) / MOST_CELLS);
         let centre = centre_of(&shape, 0.5).unwrap_or(Vec2::ZERO);
@@ -116,8 +115,12 @@ impl Object {
     }
 
     /// Takes the colours of another anchor into account.
-    pub fn also_looks_like(&mut self, picture: &Picture, mask: &LabelMask) {
-        self.first_colors.learn(&colors_of(picture, &mask.region(self.id), mask), 0.5);
+    pub fn also_looks_like(&mut self, picture: &Picture, region: &Region) {
+        self.first_colors.learn(&colors_of(picture, region), 0.5);
+    }
+
+    pub fn mask(&self) -> &Region {
+        &self.mask
     }
 
     /// How near the anchor still is, 1 at it and falling to 0.
@@ -279,10 +282,10 @@ impl Object {
         }
     }
 
-    /// Makes a decided mask the object's, and learns from it and from what all objects are in the frame.
+    /// Makes a decided mask the object's, and learns from it.
     pub fn settle(
         &mut self,
-        (mask, all): (Region, &LabelMask),
+        mask: Region,
         prediction: &Prediction,
         evidence: &Evidence,
         change: &Change,
@@ -302,7 +305,7 @@ impl Object {
         self.centre = prediction.centre;
         self.likeness = 0.0;
         if !mask.is_empty() {
-            let colors = colors_of(picture, &mask, all);
+            let colors = colors_of(picture, &mask);
             self.likeness = self.first_colors.likeness(&colors);
             self.faith *= self.step_confidence(&mask, prediction, change, self.likeness);
             self.last_colors.learn(&colors, options.color_rate);
@@ -344,12 +347,10 @@ fn centre_of(plane: &Plane, level: f32) -> Option<Vec2> {
     (count > 0).then(|| (sum / count as f64).as_vec2())
 }
 
-/// The colours of a region, of what lies around it, and of all others that `mask` shows: where two things alike meet,
-/// colour tells neither from the other, also where only one of them lies in the other's surroundings.
-fn colors_of(picture: &Picture, region: &Region, mask: &LabelMask) -> ColorModel {
+/// The colours of a region and of what lies around it.
+fn colors_of(picture: &Picture, region: &Region) -> ColorModel {
     let reach = 0.3 * (region.area() as f32).sqrt() + 6.0;
     let near = (reach * reach) as u32;
     let around: Vec<bool> = squared_distance_to(region).into_iter().map(|d| d > 0 && d <= near).collect();
-    let others = mask.ids.iter().zip(&region.inside).map(|(&id, &inside)| id != LabelId::NONE && !inside);
-    ColorModel::new(&picture.bins, &region.inside, &around, &others.collect::<Vec<bool>>())
+    ColorModel::new(&picture.bins, &region.inside, &around)
 }

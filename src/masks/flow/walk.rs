@@ -92,7 +92,7 @@ impl<'a> Walk<'a> {
         let mut labels: Vec<LabelId> = mask.ids.iter().copied().filter(|&id| id != LabelId::NONE).collect();
         labels.sort_unstable();
         labels.dedup();
-        let objects = labels.into_par_iter().map(|id| Object::new(id, picture, mask)).collect();
+        let objects = labels.into_par_iter().map(|id| Object::new(id, mask.region(id), picture)).collect();
         let mut walk = Self { options, objects, memory: Memory::default() };
         walk.remember(picture, mask);
         walk
@@ -102,8 +102,9 @@ impl<'a> Walk<'a> {
     pub fn learn(&mut self, picture: &Picture, mask: &LabelMask) {
         self.remember(picture, mask);
         for object in &mut self.objects {
-            if mask.ids.contains(&object.id) {
-                object.also_looks_like(picture, mask);
+            let region = mask.region(object.id);
+            if !region.is_empty() {
+                object.also_looks_like(picture, &region);
             }
         }
     }
@@ -128,25 +129,24 @@ impl<'a> Walk<'a> {
         });
         let known: Vec<(Prediction, Evidence)> = known.collect::<Result<_, Stopped>>()?;
         let rivals = Rivals::new(&known, change.next.width * change.next.height, change.next.width);
-        let decided = self.objects.par_iter().zip(known).enumerate().map(|(place, (object, known))| {
+        let decided = self.objects.par_iter_mut().zip(known).enumerate().map(|(place, (object, known))| {
             progress.check()?;
             let (prediction, mut evidence) = known;
             rivals.contest(place, &mut evidence, change.next.width);
             let mut mask = object.decide(&prediction, &evidence, &change.next, options);
             rivals.withdraw(place, &mut mask);
-            Ok((mask, prediction, evidence))
+            object.settle(mask, &prediction, &evidence, &change, options);
+            Ok(())
         });
-        let decided: Vec<(Region, Prediction, Evidence)> = decided.collect::<Result<_, Stopped>>()?;
+        decided.collect::<Result<(), Stopped>>()?;
         let next = &change.next;
         let mut mask = LabelMask::empty(next.width as u32, next.height as u32);
-        for (object, (region, ..)) in self.objects.iter().zip(&decided) {
+        for object in &self.objects {
+            let region = object.mask();
             for (id, _) in mask.ids.iter_mut().zip(&region.inside).filter(|(_, inside)| **inside) {
                 *id = object.id;
             }
         }
-        self.objects.par_iter_mut().zip(decided).for_each(|(object, (region, prediction, evidence))| {
-            object.settle((region, &mask), &prediction, &evidence, &change, options);
-        });
         let confidence = self.objects.iter().map(|object| (object.id, object.confidence())).collect();
         Ok(WalkedFrame { mask, confidence })
     }

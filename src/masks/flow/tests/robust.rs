@@ -99,6 +99,14 @@ fn walked(x: f32, y: f32, radius: f32, sure: f32) -> WalkedFrame {
     WalkedFrame { mask: LabelMask { width: 40, height: 30, ids }, confidence: BTreeMap::from([(LEFT, sure)]) }
 }
 
+/// The mean of two outlines that lie apart would be no object at all.
+#[test]
+fn of_two_walks_that_lie_apart_the_nearer_stands() {
+    let (a, b) = (walked(10.0, 15.0, 6.0, 0.8), walked(28.0, 15.0, 6.0, 0.8));
+    assert_eq!(merged(&a, &b, 0.7).mask, a.mask);
+    assert_eq!(merged(&a, &b, 0.3).mask, b.mask);
+}
+
 proptest! {
     /// What both walks say stands, whatever they are worth, and the nearer one counts more.
     #[test]
