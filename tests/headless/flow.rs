@@ -17,8 +17,8 @@ use crate::support::data_dir;
 
 const CLIPS: [&str; 7] = ["blackswan", "bmx-trees", "car-shadow", "dance-twirl", "dog", "libby", "scooter-black"];
 
-/// Mean J and F of a clip, the first frame left out.
-fn scores(tracker: &FlowTracker, data: &Path, clip: &str) -> (f64, f64) {
+/// Mean J and F of a clip with true masks on every `every`-th frame from the first on, those frames left out.
+fn scores(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> (f64, f64) {
     let source = FrameFolder { frames: data.join("davis2016/JPEGImages").join(clip), depth: None };
     let frames =
         open(&OpenRequest { sources: vec![source], ..OpenRequest::default() }, &Progress::default()).unwrap().frames;
@@ -34,7 +34,7 @@ fn scores(tracker: &FlowTracker, data: &Path, clip: &str) -> (f64, f64) {
         to: frames.len() - 1,
         frames: Arc::new(frames),
         store: Arc::new(FrameStore::new(64 << 20)),
-        anchors: BTreeMap::from([(0, Arc::new(truths[0].clone()))]),
+        anchors: truths.iter().cloned().map(Arc::new).enumerate().step_by(every).collect(),
         direction: Direction::Both,
         labels: None,
     };
@@ -49,7 +49,7 @@ fn scores(tracker: &FlowTracker, data: &Path, clip: &str) -> (f64, f64) {
         result: RunMask::encode(&result),
     };
     let pairs: Vec<FramePair> = tracked.into_iter().map(pair).collect();
-    assert_eq!(pairs.len(), truths.len() - 1, "{clip}: every frame but the anchor");
+    assert_eq!(pairs.len(), truths.len() - truths.len().div_ceil(every), "{clip}: every frame but the anchors");
     let score = score_pairs(&pairs, &BTreeSet::from([LabelId(1)]), &Progress::default()).unwrap();
     (score.j, score.f)
 }
@@ -57,7 +57,8 @@ fn scores(tracker: &FlowTracker, data: &Path, clip: &str) -> (f64, f64) {
 #[test]
 fn the_first_true_mask_is_carried_through_seven_films() {
     let Some(data) = data_dir() else { return };
-    let of_clips: Vec<(f64, f64)> = CLIPS.iter().map(|clip| scores(&FlowTracker::default(), &data, clip)).collect();
+    let of_clips: Vec<(f64, f64)> =
+        CLIPS.iter().map(|clip| scores(&FlowTracker::default(), &data, clip, usize::MAX)).collect();
     for (clip, (j, f)) in CLIPS.iter().zip(&of_clips) {
         println!("{clip}: J {j:.3}, F {f:.3}");
     }
@@ -65,6 +66,15 @@ fn the_first_true_mask_is_carried_through_seven_films() {
     let (j, f) = (mean(|of| of.0), mean(|of| of.1));
     println!("davis2016, first mask carried by flow: J {j:.3}, F {f:.3}");
     assert!(j >= 0.61 && f >= 0.62, "J {j:.3}, F {f:.3}; flow alone reaches 0.42 and 0.41");
+}
+
+/// A running dog whose tail, ears and legs are a few pixels wide; with motion at half size J was 0.818 here.
+#[test]
+fn thin_parts_are_kept_between_anchors() {
+    let Some(data) = data_dir() else { return };
+    let (j, f) = scores(&FlowTracker::default(), &data, "libby", 4);
+    println!("libby, true masks on every fourth frame: J {j:.3}, F {f:.3}");
+    assert!(j >= 0.845 && f >= 0.925, "J {j:.3}, F {f:.3}");
 }
 
 /// Over all seven films the mean J grows by 0.022 and F by 0.028 (`cargo bench --bench flow -- --memory`).
@@ -80,8 +90,8 @@ fn what_is_remembered_by_learned_features_is_found_again() {
     let cells = XFeatCells::load(&folder.path().join("ostra/models")).unwrap();
     let remembering = FlowTracker { describer: Some(Arc::new(cells) as Arc<dyn Describer>), ..FlowTracker::default() };
     for clip in ["blackswan", "car-shadow", "dance-twirl"] {
-        let (without, _) = scores(&FlowTracker::default(), &data, clip);
-        let (with, _) = scores(&remembering, &data, clip);
+        let (without, _) = scores(&FlowTracker::default(), &data, clip, usize::MAX);
+        let (with, _) = scores(&remembering, &data, clip, usize::MAX);
         println!("{clip}: J {without:.3} without, {with:.3} with memory");
         assert!(with >= without + 0.02, "{clip}: J {without:.3} without, {with:.3} with memory");
     }
