@@ -20,8 +20,8 @@ pub struct WalkedFrame {
 
 /// One mask out of two walks that met on a frame: between their outlines, nearer to the one that is surer and whose
 /// anchor is nearer (shapes as signed distances: Raya, Udupa, "Shape-based interpolation of multidimensional objects",
-/// IEEE Transactions on Medical Imaging, 1990). Where the two hardly meet, one of them strayed and the other stands, since
-/// between them lies nothing. `nearness` of the first, 0–1, grows towards its anchor.
+/// IEEE Transactions on Medical Imaging, 1990). Where the two hardly meet, one of them strayed and the one that counts more
+/// stands, since between them lies nothing. `nearness` of the first, 0–1, grows towards its anchor.
 #[must_use]
 pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> WalkedFrame {
     let labels: BTreeSet<LabelId> = first.confidence.keys().chain(second.confidence.keys()).copied().collect();
