@@ -25,6 +25,7 @@ fn masks(args: &EvalArgs) -> Result<()> {
         &[
             ("within", !args.within.is_empty()),
             ("align", args.align != Align::None),
+            ("turns", args.turns),
             ("cameras", args.cameras.is_some()),
         ],
     )?;
@@ -35,7 +36,7 @@ fn masks(args: &EvalArgs) -> Result<()> {
 }
 
 fn cloud(args: EvalArgs) -> Result<()> {
-    refuse(&args, &[("align", args.align != Align::None), ("skip-first", args.skip_first)])?;
+    refuse(&args, &[("align", args.align != Align::None), ("turns", args.turns), ("skip-first", args.skip_first)])?;
     let evaluation =
         CloudEvaluation { within: args.within, level: args.level, cameras: args.cameras.zip(args.min_views) };
     let (score, warnings) = evaluate_cloud(&args.truth, &args.result, &evaluation)?;
@@ -51,6 +52,7 @@ fn cameras(args: &EvalArgs) -> Result<()> {
             ("level", args.level.is_some()),
             ("cameras", args.cameras.is_some()),
             ("skip-first", args.skip_first),
+            ("turns", args.turns && args.align == Align::None),
         ],
     )?;
     let alignment = match args.align {
@@ -58,7 +60,7 @@ fn cameras(args: &EvalArgs) -> Result<()> {
         Align::Se3 => Alignment::Se3,
         Align::Sim3 => Alignment::Sim3,
     };
-    let score = score_cameras(&args.truth, &args.result, alignment)?;
+    let score = score_cameras(&args.truth, &args.result, alignment, args.turns)?;
     print(args.json, &score, &camera_table(&score))
 }
 

@@ -40,6 +40,9 @@ pub(super) struct EvalArgs {
     /// How cameras are brought together first.
     #[arg(long, default_value = "none")]
     pub align: Align,
+    /// Align the cameras' orientations with their centres, which alone leave the turn about a straight path open.
+    #[arg(long)]
+    pub turns: bool,
     /// Cameras for --min-views.
     #[arg(long, value_name = "DIR", requires = "min_views")]
     pub cameras: Option<PathBuf>,

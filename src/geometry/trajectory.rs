@@ -56,21 +56,55 @@ impl TrajectoryError {
     /// # Errors
     /// As [`Similarity::align`] for the camera centres.
     pub fn between(result: &[Pose], truth: &[Pose], alignment: Alignment) -> Result<Self, GeometryError> {
-        let centres = |poses: &[Pose]| poses.iter().map(Pose::centre).collect::<Vec<DVec3>>();
-        let (result_centres, truth_centres) = (centres(result), centres(truth));
-        let alignment = Similarity::align(&result_centres, &truth_centres, alignment)?;
+        Ok(Self::after(Similarity::align(&centres(result), &centres(truth), alignment)?, result, truth))
+    }
+
+    /// The same after laying centres and orientations onto each other: about the line along which a path runs, the centres
+    /// alone hardly tell the turn. The squares of distances and of angles are summed, with the centres' distance from their
+    /// centroid (root of the mean square) as the distance that a radian counts.
+    ///
+    /// # Errors
+    /// As [`Similarity::align`]; two cameras and cameras in one line will do, in one place not.
+    pub fn between_poses(result: &[Pose], truth: &[Pose], alignment: Alignment) -> Result<Self, GeometryError> {
+        Ok(Self::after(Similarity::align(&pegs(result), &pegs(truth), alignment)?, result, truth))
+    }
+
+    fn after(alignment: Similarity, result: &[Pose], truth: &[Pose]) -> Self {
         let aligned: Vec<Pose> = result.iter().map(|pose| alignment.transform_camera(pose)).collect();
+        let truth_centres = centres(truth);
         let distances: Vec<f64> = aligned.iter().zip(&truth_centres).map(|(a, t)| a.centre().distance(*t)).collect();
         let angles: Vec<f64> = aligned.iter().zip(truth).map(|(a, t)| rotation_angle_deg(a, t)).collect();
-        let centroid = truth_centres.iter().sum::<DVec3>() / truth_centres.len().max(1) as f64;
-        Ok(Self {
+        let centroid = mean(&truth_centres);
+        Self {
             count: result.len(),
             alignment,
             centre: ErrorStatistics::of(&distances),
             rotation_deg: ErrorStatistics::of(&angles),
             extent: truth_centres.iter().map(|c| c.distance(centroid)).fold(0.0, f64::max),
-        })
+        }
     }
+}
+
+fn centres(poses: &[Pose]) -> Vec<DVec3> {
+    poses.iter().map(Pose::centre).collect()
+}
+
+fn mean(points: &[DVec3]) -> DVec3 {
+    points.iter().sum::<DVec3>() / points.len().max(1) as f64
+}
+
+/// For each camera the six ends of a cross along its axes: turned by a small angle they move, in the sum of squares, six times
+/// as much as the root of the centres' mean squared distance from their centroid times that angle.
+fn pegs(poses: &[Pose]) -> Vec<DVec3> {
+    let centres = centres(poses);
+    let centroid = mean(&centres);
+    let mean_square = centres.iter().map(|c| c.distance_squared(centroid)).sum::<f64>() / centres.len().max(1) as f64;
+    let arm = (1.5 * mean_square).sqrt();
+    let ends = |pose: &Pose| {
+        let (centre, back) = (pose.centre(), pose.rotation.conjugate());
+        DVec3::AXES.map(|axis| arm * (back * axis)).map(|end| [centre + end, centre - end])
+    };
+    poses.iter().flat_map(ends).flatten().collect()
 }
 
 /// Angle between two rotations in degrees; exact for small angles too.
@@ -116,6 +150,32 @@ mod tests {
         let error = TrajectoryError::between(&result, &truth, Alignment::None).unwrap();
         assert!((error.rotation_deg.max - 2.0).abs() < 1e-9 && error.rotation_deg.median < 1e-9);
         assert!((error.rotation_deg.mean - 2.0 / 12.0).abs() < 1e-9 && error.centre.max < 1e-12);
+    }
+
+    #[test]
+    fn orientations_tell_the_turn_about_the_line_of_a_path() {
+        let along = |i: f64| Pose::IDENTITY.rotation * DQuat::from_rotation_y(0.1 * i);
+        let truth: Vec<Pose> = (0..12)
+            .map(f64::from)
+            .map(|i| Pose { rotation: along(i), translation: -(along(i) * DVec3::new(i, 0.01 * (i % 3.0), 0.0)) })
+            .collect();
+        let world =
+            Similarity { scale: 2.0, rotation: DQuat::from_rotation_z(0.4), translation: DVec3::new(1.0, 2.0, 3.0) };
+        // Each centre a little off, up and down, as if the path had been turned by half a right angle about itself.
+        let moved = |pose: &Pose| {
+            let centre = pose.centre();
+            let turned = DQuat::from_rotation_x(0.8) * DVec3::new(0.0, centre.y, 0.0) + DVec3::X * centre.x;
+            world.transform_camera(&Pose { translation: -(pose.rotation * turned), ..*pose })
+        };
+        let result: Vec<Pose> = truth.iter().map(moved).collect();
+        let by_centres = TrajectoryError::between(&result, &truth, Alignment::Sim3).unwrap();
+        let by_poses = TrajectoryError::between_poses(&result, &truth, Alignment::Sim3).unwrap();
+        assert!(by_centres.centre.rmse < 1e-6 && by_centres.rotation_deg.median > 40.0, "{by_centres:?}");
+        assert!(by_poses.centre.rmse < 0.02 && by_poses.rotation_deg.median < 0.1, "{by_poses:?}");
+        assert!((by_poses.alignment.scale - 0.5).abs() < 1e-3);
+        let exact: Vec<Pose> = truth.iter().map(|pose| world.transform_camera(pose)).collect();
+        let exact = TrajectoryError::between_poses(&exact[..2], &truth[..2], Alignment::Sim3).unwrap();
+        assert!(exact.centre.max < 1e-9 && exact.rotation_deg.max < 1e-6, "{exact:?}");
     }
 
     #[test]

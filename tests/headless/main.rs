@@ -7,6 +7,8 @@ mod support;
 #[cfg(test)]
 mod architecture;
 #[cfg(test)]
+mod bedroom;
+#[cfg(test)]
 mod bricks;
 #[cfg(test)]
 mod cameras;

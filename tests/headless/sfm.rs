@@ -56,15 +56,15 @@ impl Project {
 
     /// Cameras against the truth after Sim(3).
     pub(super) fn errors(&self, truth: &Path) -> Value {
-        self.errors_after("sim3", truth)
+        self.errors_after(&["sim3"], truth)
     }
 
     /// Cameras against the truth after an alignment.
-    pub(super) fn errors_after(&self, align: &str, truth: &Path) -> Value {
+    pub(super) fn errors_after(&self, align: &[&str], truth: &Path) -> Value {
         let out = self.dir.path().join("cameras");
         self.done(&["export", &self.root(), "--cameras", out.to_str().unwrap()]);
         let eval = ["eval", "cameras", "--truth", truth.to_str().unwrap(), "--result", out.to_str().unwrap()];
-        let text = self.done(&[&eval[..], &["--align", align, "--json"]].concat());
+        let text = self.done(&[&eval[..], &["--json", "--align"], align].concat());
         serde_json::from_str(text.lines().last().unwrap()).unwrap()
     }
 }

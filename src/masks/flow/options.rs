@@ -3,6 +3,8 @@
 pub struct FlowOptions {
     /// Longer side of the pictures worked on, in pixels; larger ones are reduced.
     pub most_side: u32,
+    /// The same between two anchors, where few frames are corrected and outlines shall be right.
+    pub most_side_between: u32,
     /// Weight of where the flow says that the object came from.
     pub flow_weight: f32,
     /// How much a pixel whose flow cannot be trusted speaks against the object.
@@ -39,6 +41,7 @@ impl Default for FlowOptions {
     fn default() -> Self {
         Self {
             most_side: 640,
+            most_side_between: 854,
             flow_weight: 1.0,
             doubt_weight: 0.7,
             shape_weight: 1.0,

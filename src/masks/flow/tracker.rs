@@ -76,7 +76,9 @@ impl Run<'_> {
     fn fill(&mut self, gap: &Gap) -> Result<(), MaskError> {
         let Some(any) = gap.before.or(gap.after) else { return Ok(()) };
         let of = &self.request.frames[any];
-        let size = working_size(of.width, of.height, self.options.most_side);
+        let is_between = gap.before.is_some() && gap.after.is_some();
+        let most_side = if is_between { self.options.most_side_between } else { self.options.most_side };
+        let size = working_size(of.width, of.height, most_side);
         let mut kept: Vec<Option<Kept>> = Vec::new();
         if let Some(anchor) = gap.before {
             kept.resize_with(gap.to - gap.from + 1, || None);

@@ -23,11 +23,11 @@ pub struct CameraScore {
 }
 
 /// Compares cameras in any format that can be read, matched by picture name without ending (else by file name, number
-/// or time).
+/// or time). With `turns` their orientations are laid onto each other too, not the centres alone.
 ///
 /// # Errors
 /// When a file cannot be read, no camera matches, or too few match for the alignment.
-pub fn score_cameras(truth: &Path, result: &Path, alignment: Alignment) -> Result<CameraScore> {
+pub fn score_cameras(truth: &Path, result: &Path, alignment: Alignment, turns: bool) -> Result<CameraScore> {
     let (truth_cameras, result_cameras) = (GivenCameras::read(truth)?.cameras, GivenCameras::read(result)?.cameras);
     let found = index(&result_cameras, full_key);
     let found_by_file = index(&result_cameras, file_key);
@@ -50,7 +50,8 @@ pub fn score_cameras(truth: &Path, result: &Path, alignment: Alignment) -> Resul
         );
     }
     let (result_poses, truth_poses): (Vec<Pose>, Vec<Pose>) = pairs.into_iter().unzip();
-    let error = TrajectoryError::between(&result_poses, &truth_poses, alignment)?;
+    let between = if turns { TrajectoryError::between_poses } else { TrajectoryError::between };
+    let error = between(&result_poses, &truth_poses, alignment)?;
     let centre_percent = 100.0 * error.centre.rmse / error.extent.max(f64::MIN_POSITIVE);
     Ok(CameraScore { truth: truth_cameras.len(), result: result_cameras.len(), missing, error, centre_percent })
 }

@@ -1,5 +1,3 @@
-use super::Sequence;
-
 /// How the robot user works.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InteractOptions {
@@ -17,11 +15,9 @@ pub struct InteractOptions {
     pub seed: u64,
     /// The finest that a hand draws: how far a border lies off between two corners, in pixels; above 0.
     pub outline_px: f64,
-    /// IoU of a label up to which it is drawn by hand where clicks do not make it good: what is drawn is carried on, which costs
-    /// some; 0–1.
-    pub outline_iou: f64,
-    /// Bounds of the clicks over the whole sequence, which are forty for each frame and label of the truth.
-    pub clicks: (usize, usize),
+    /// What each corner that is drawn beyond [`Self::good_iou`] must add to the IoU of its label on its frame: what is drawn is
+    /// carried on, so that a better outline is worth some; above 0.
+    pub corner_gain: f64,
 }
 
 impl Default for InteractOptions {
@@ -34,16 +30,7 @@ impl Default for InteractOptions {
             jitter_px: 0.0,
             seed: 1,
             outline_px: 2.0,
-            outline_iou: 0.95,
-            clicks: (20, 4000),
+            corner_gain: 0.004,
         }
-    }
-}
-
-impl InteractOptions {
-    /// Most clicks over a sequence.
-    #[must_use]
-    pub fn most_clicks(&self, sequence: &Sequence) -> usize {
-        (40 * sequence.truth.len() * sequence.shown().len()).clamp(self.clicks.0, self.clicks.1)
     }
 }

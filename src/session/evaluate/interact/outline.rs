@@ -16,36 +16,50 @@ pub struct Drawn {
 /// How much of a label on a frame is right.
 type Iou<'a> = &'a dyn Fn(&LabelMask) -> f64;
 
+/// What a user draws for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aim {
+    /// IoU at which a label is good; 0–1.
+    pub good_iou: f64,
+    /// What each further corner must add to the IoU of a label that is good; above 0.
+    pub corner_gain: f64,
+    /// How far a border lies off between two corners where a hand draws as finely as it can, in pixels; above 0.
+    pub finest_px: f64,
+}
+
+impl Aim {
+    /// The greater, the better: good comes first, then what corners brought beyond their price; of what is not good the IoU.
+    fn rank(&self, iou: f64, corners: usize) -> (bool, f64) {
+        let is_good = iou >= self.good_iou;
+        (is_good, if is_good { iou - self.corner_gain * corners as f64 } else { iou })
+    }
+}
+
 /// How far the border of what is drawn lies off between two corners, in pixels: a hand is no finer than it must be.
 const OFF_PX: [f64; 4] = [8.0, 5.0, 3.0, 2.0];
 
 /// Draws what clicks could not: polygons around the whole of a label on a frame or around its wrong parts, the largest first,
-/// with as few corners as make its IoU good; where none do, what comes nearest. `None` where everything is finer than `finest_px`.
+/// with as few corners as make its IoU good, and more where they pay; where none make it good, what comes nearest. `None` where
+/// everything is finer than the finest of the aim.
 ///
 /// # Errors
 /// When the masks differ in size.
 pub fn drawn(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
-    (iou, good_iou): (Iou<'_>, f64),
-    finest_px: f64,
+    iou: Iou<'_>,
+    aim: &Aim,
 ) -> Result<Option<Drawn>> {
-    let mut best: Option<(Drawn, f64)> = None;
-    let coarser = OFF_PX.into_iter().filter(|&off_px| off_px > finest_px);
-    for off_px in coarser.chain([finest_px]) {
-        let most = best.as_ref().filter(|(_, iou)| *iou >= good_iou).map_or(usize::MAX, |(best, _)| best.corners);
+    let mut best: Option<(Drawn, (bool, f64))> = None;
+    let coarser = OFF_PX.into_iter().filter(|&off_px| off_px > aim.finest_px);
+    for off_px in coarser.chain([aim.finest_px]) {
         let whole = drawn_whole((truth, mask), (label, tree), off_px)?;
-        let parts = drawn_parts((truth, mask), (label, tree), (iou, good_iou), off_px, most)?;
+        let so_far = best.as_ref().map_or((false, 0.0), |(_, rank)| *rank);
+        let parts = drawn_parts((truth, mask), (label, tree), (iou, aim), off_px, so_far)?;
         for drawn in [whole, parts].into_iter().flatten() {
-            let is = iou(&drawn.mask);
-            let is_better =
-                best.as_ref().is_none_or(|(best, best_iou)| match (is >= good_iou, *best_iou >= good_iou) {
-                    (true, true) => drawn.corners < best.corners,
-                    (false, false) => is > *best_iou,
-                    (good, _) => good,
-                });
-            if is_better {
-                best = Some((drawn, is));
+            let rank = aim.rank(iou(&drawn.mask), drawn.corners);
+            if best.as_ref().is_none_or(|(_, best)| rank > *best) {
+                best = Some((drawn, rank));
             }
         }
     }
@@ -66,28 +80,29 @@ fn drawn_whole(
     Ok((drawn.corners > 0).then_some(drawn))
 }
 
-/// Wrong parts drawn one after the other until the label is good or the next is finer than what is drawn; `None` where that
-/// takes `most` corners or more, or nothing can be drawn.
+/// Wrong parts drawn one after the other as long as that pays; `None` where nothing can be drawn, or it takes so many corners
+/// that it can no longer outdo `best`.
 fn drawn_parts(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
-    (iou, good_iou): (Iou<'_>, f64),
+    (iou, aim): (Iou<'_>, &Aim),
     off_px: f64,
-    most: usize,
+    best: (bool, f64),
 ) -> Result<Option<Drawn>> {
     let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
-    while iou(&drawn.mask) < good_iou {
-        let Some(wrong) = wrong_part(truth, &drawn.mask, &[label]) else { break };
+    let mut rank = aim.rank(iou(mask), 0);
+    while let Some(wrong) = wrong_part(truth, &drawn.mask, &[label]) {
         let Some(polygon) = polygons(&wrong.pixels, off_px).into_iter().next() else { break };
-        let before = drawn.clone();
-        drawn.draw(&polygon, (label, tree), wrong.include)?;
-        if drawn.corners >= most {
+        let mut next = drawn.clone();
+        next.draw(&polygon, (label, tree), wrong.include)?;
+        if aim.rank(1.0, next.corners) <= best {
             return Ok(None);
         }
-        if iou(&drawn.mask) <= iou(&before.mask) {
-            drawn = before;
+        let ranked = aim.rank(iou(&next.mask), next.corners);
+        if ranked <= rank {
             break;
         }
+        (drawn, rank) = (next, ranked);
     }
     Ok((drawn.corners > 0).then_some(drawn))
 }
@@ -129,7 +144,8 @@ mod tests {
             let both = pairs().filter(|(a, b)| **a == LABEL && **b == LABEL).count();
             both as f64 / pairs().filter(|(a, b)| **a == LABEL || **b == LABEL).count() as f64
         };
-        drawn((truth, mask), (LABEL, &LabelTree::default()), (&iou, 0.9), 2.0).unwrap()
+        let aim = Aim { good_iou: 0.9, corner_gain: 1.0, finest_px: 2.0 };
+        drawn((truth, mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap()
     }
 
     #[test]

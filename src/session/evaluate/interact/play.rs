@@ -14,9 +14,9 @@ use crate::session::prepared::PreparedFrames;
 const PREPARED_BYTES: usize = 256 << 20;
 
 /// Plays a robot user who labels the first frame that shows anything, tracks, and then corrects where most is amiss,
-/// which is carried anew up to the neighbouring anchors, until the sequence is good enough or the clicks are used up. A
-/// label that a visit left below [`InteractOptions::good_iou`], or did not better, is left alone on that frame. Clicking
-/// every frame from nothing is counted beside it.
+/// which is carried anew up to the neighbouring anchors, until the sequence is good enough or as much work as clicking every
+/// frame from nothing, which is counted first. A label that a visit left below [`InteractOptions::good_iou`], or did not
+/// better, is left alone on that frame.
 ///
 /// # Errors
 /// When the truth shows no label, a frame cannot be read, segmenter or tracker fails, or on a stop.
@@ -27,11 +27,12 @@ pub fn interact(
     options: &InteractOptions,
     progress: &Progress,
 ) -> Result<InteractReport> {
-    let begun = Instant::now();
     let prepared = PreparedFrames::new(PREPARED_BYTES);
-    let most_clicks = options.most_clicks(sequence);
     let first = sequence.truth.keys().copied().find(|&frame| !sequence.shown_on(frame).is_empty());
     let first = first.context("the true masks show no label; give masks that do")?;
+    let alone = frame_by_frame(sequence, segmenter, options, &prepared, progress)?;
+    let begun = Instant::now();
+    let most_clicks = alone.values().map(|alone| alone.clicks).sum();
     let user = RobotUser::new(sequence, segmenter, &prepared, progress, options, 0, most_clicks);
     let mut game = Game::new(user, tracker, options);
     progress.stage("click")?;
@@ -44,7 +45,6 @@ pub fn interact(
     }
     game.corrected.remove(&first);
     let seconds = begun.elapsed().as_secs_f64();
-    let alone = frame_by_frame(sequence, segmenter, options, &prepared, progress)?;
     Ok(InteractReport {
         segmenter: segmenter.name().to_owned(),
         tracker: tracker.name().to_owned(),
@@ -133,7 +133,7 @@ fn frame_by_frame(
     prepared: &PreparedFrames,
     progress: &Progress,
 ) -> Result<BTreeMap<usize, FrameByFrame>> {
-    let options = &InteractOptions { outline_iou: options.good_iou, ..*options };
+    let options = &InteractOptions { corner_gain: 1.0, ..*options };
     let mut all = BTreeMap::new();
     for (done, &frame) in sequence.truth.keys().enumerate() {
         progress.stage("click frame by frame")?;

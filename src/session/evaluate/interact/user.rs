@@ -5,7 +5,7 @@ use anyhow::Result;
 
 use super::choose::IousByLabel;
 use super::hand::Hand;
-use super::outline::{Drawn, drawn};
+use super::outline::{Aim, Drawn, drawn};
 use super::{InteractOptions, Sequence};
 use crate::engine::job::Progress;
 use crate::masks::{Click, LabelId, LabelMask, RunMask, Segmenter, Tracker, next_label_click};
@@ -119,14 +119,15 @@ impl<'a> RobotUser<'a> {
 
     /// Draws a label that is not good on a frame, where clicks are left and it is better for it.
     fn draw(&mut self, frame: usize, label: LabelId, truth: &LabelMask) -> Result<()> {
-        let InteractOptions { good_iou, outline_iou, outline_px, .. } = *self.options;
+        let InteractOptions { good_iou, corner_gain, outline_px: finest_px, .. } = *self.options;
         let is = self.ious(frame)?.get(&label).copied();
         let Some(is) = is.filter(|&iou| iou < good_iou && !self.is_spent()) else { return Ok(()) };
         let sequence = self.sequence;
         let of_truth = sequence.truth_of(frame)?;
         let iou = |mask: &LabelMask| of_truth.ious(&RunMask::encode(mask)).get(&label).copied().unwrap_or(1.0);
         let mask = mask_of(&self.project, frame)?;
-        let drawn = drawn((truth, &mask), (label, &sequence.labels), (&iou, outline_iou), outline_px)?;
+        let aim = Aim { good_iou, corner_gain, finest_px };
+        let drawn = drawn((truth, &mask), (label, &sequence.labels), &iou, &aim)?;
         let affordable = self.most_clicks - self.clicks;
         let pays = |drawn: &Drawn| drawn.corners <= affordable && iou(&drawn.mask) > is;
         let Some(Drawn { mask, corners }) = drawn.filter(pays) else { return Ok(()) };
