@@ -1,4 +1,4 @@
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use serde::Serialize;
 
 use super::drive::{Interrupted, ProgressLines};
@@ -52,9 +52,12 @@ fn cameras(args: &EvalArgs) -> Result<()> {
             ("level", args.level.is_some()),
             ("cameras", args.cameras.is_some()),
             ("skip-first", args.skip_first),
-            ("turns", args.turns && args.align == Align::None),
         ],
     )?;
+    ensure!(
+        !args.turns || args.align != Align::None,
+        "--turns goes with an alignment; give --align se3 or --align sim3 too"
+    );
     let alignment = match args.align {
         Align::None => Alignment::None,
         Align::Se3 => Alignment::Se3,

@@ -59,6 +59,21 @@ impl Similarity {
         }
     }
 
+    /// The best transform with a given rotation: scale and translation that bring `source[i]` nearest to `target[i]`. As many
+    /// points on both sides, not all in one place where there is a scale to find.
+    pub(super) fn turned(source: &[DVec3], target: &[DVec3], rotation: DQuat, alignment: Alignment) -> Self {
+        let mean = |points: &[DVec3]| points.iter().sum::<DVec3>() / points.len().max(1) as f64;
+        let (source_mean, target_mean) = (mean(source), mean(target));
+        let pairs = || source.iter().zip(target).map(|(s, t)| (rotation * (*s - source_mean), *t - target_mean));
+        let spread: f64 = pairs().map(|(s, _)| s.length_squared()).sum();
+        let scale = match alignment {
+            Alignment::None => return Self::IDENTITY,
+            Alignment::Se3 => 1.0,
+            Alignment::Sim3 => pairs().map(|(s, t)| s.dot(t)).sum::<f64>() / spread,
+        };
+        Self { scale, rotation, translation: target_mean - scale * (rotation * source_mean) }
+    }
+
     /// Moves a point from the source space to the target space.
     #[must_use]
     pub fn transform(&self, x_in_source: DVec3) -> DVec3 {

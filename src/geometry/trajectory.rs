@@ -59,14 +59,20 @@ impl TrajectoryError {
         Ok(Self::after(Similarity::align(&centres(result), &centres(truth), alignment)?, result, truth))
     }
 
-    /// The same after laying centres and orientations onto each other: about the line along which a path runs, the centres
-    /// alone hardly tell the turn. The squares of distances and of angles are summed, with the centres' distance from their
-    /// centroid (root of the mean square) as the distance that a radian counts.
+    /// The same after turning the whole by centres and orientations: about the line along which a path runs, the centres alone
+    /// hardly tell the turn. The squares of distances and of (small) angles are summed, with the centres' distance from their
+    /// centroid (root of the mean square) as the distance that a radian counts. Scale and shift are those of the centres.
     ///
     /// # Errors
-    /// As [`Similarity::align`]; two cameras and cameras in one line will do, in one place not.
+    /// As [`Similarity::align`] for the camera centres, but that two cameras and cameras in one line will do.
     pub fn between_poses(result: &[Pose], truth: &[Pose], alignment: Alignment) -> Result<Self, GeometryError> {
-        Ok(Self::after(Similarity::align(&pegs(result), &pegs(truth), alignment)?, result, truth))
+        let of_cameras = |error| match error {
+            GeometryError::TooFewPoints { kind, .. } => GeometryError::TooFewPoints { count: result.len(), kind },
+            other => other,
+        };
+        let by_pegs = Similarity::align(&pegs(result), &pegs(truth), alignment).map_err(of_cameras)?;
+        let alignment = Similarity::turned(&centres(result), &centres(truth), by_pegs.rotation, alignment);
+        Ok(Self::after(alignment, result, truth))
     }
 
     fn after(alignment: Similarity, result: &[Pose], truth: &[Pose]) -> Self {
@@ -93,8 +99,8 @@ fn mean(points: &[DVec3]) -> DVec3 {
     points.iter().sum::<DVec3>() / points.len().max(1) as f64
 }
 
-/// For each camera the six ends of a cross along its axes: turned by a small angle they move, in the sum of squares, six times
-/// as much as the root of the centres' mean squared distance from their centroid times that angle.
+/// For each camera the six ends of a cross along its axes. Where a camera lies off, all six do by as much; where it is turned by a
+/// small angle, they do so, in the sum of squares, as if it lay off by that angle times the centres' distance from their centroid.
 fn pegs(poses: &[Pose]) -> Vec<DVec3> {
     let centres = centres(poses);
     let centroid = mean(&centres);
@@ -152,30 +158,42 @@ mod tests {
         assert!((error.rotation_deg.mean - 2.0 / 12.0).abs() < 1e-9 && error.centre.max < 1e-12);
     }
 
+    /// Cameras along the x axis that look to all sides.
+    fn line() -> Vec<Pose> {
+        let camera = |i: f64| {
+            let rotation = DQuat::from_rotation_y(0.1 * i);
+            Pose { rotation, translation: -(rotation * DVec3::new(i, 0.0, 0.0)) }
+        };
+        (0..12).map(f64::from).map(camera).collect()
+    }
+
     #[test]
     fn orientations_tell_the_turn_about_the_line_of_a_path() {
-        let along = |i: f64| Pose::IDENTITY.rotation * DQuat::from_rotation_y(0.1 * i);
-        let truth: Vec<Pose> = (0..12)
-            .map(f64::from)
-            .map(|i| Pose { rotation: along(i), translation: -(along(i) * DVec3::new(i, 0.01 * (i % 3.0), 0.0)) })
-            .collect();
+        let truth = line();
         let world =
-            Similarity { scale: 2.0, rotation: DQuat::from_rotation_z(0.4), translation: DVec3::new(1.0, 2.0, 3.0) };
-        // Each centre a little off, up and down, as if the path had been turned by half a right angle about itself.
-        let moved = |pose: &Pose| {
-            let centre = pose.centre();
-            let turned = DQuat::from_rotation_x(0.8) * DVec3::new(0.0, centre.y, 0.0) + DVec3::X * centre.x;
-            world.transform_camera(&Pose { translation: -(pose.rotation * turned), ..*pose })
+            Similarity { scale: 2.0, rotation: DQuat::from_rotation_x(0.8), translation: DVec3::new(1.0, 2.0, 3.0) };
+        let result: Vec<Pose> = truth.iter().map(|pose| world.transform_camera(pose)).collect();
+        assert!(TrajectoryError::between(&result, &truth, Alignment::Sim3).is_err(), "a line");
+        for count in [2, 12] {
+            let error = TrajectoryError::between_poses(&result[..count], &truth[..count], Alignment::Sim3).unwrap();
+            assert!(error.centre.max < 1e-9 && error.rotation_deg.max < 1e-6, "{error:?}");
+            assert!((error.alignment.scale - 0.5).abs() < 1e-9);
+        }
+        let in_one_place = vec![Pose::IDENTITY; 5];
+        let error = TrajectoryError::between_poses(&in_one_place, &in_one_place, Alignment::Se3).unwrap_err();
+        assert!(matches!(error, GeometryError::TooFewPoints { count: 5, .. }), "{error}");
+    }
+
+    #[test]
+    fn centres_and_orientations_that_disagree_meet_in_the_middle() {
+        let (truth, angle) = (line(), 0.01);
+        let turned = |pose: &Pose| {
+            let centre = DQuat::from_rotation_z(angle) * pose.centre();
+            Pose { translation: -(pose.rotation * centre), ..*pose }
         };
-        let result: Vec<Pose> = truth.iter().map(moved).collect();
-        let by_centres = TrajectoryError::between(&result, &truth, Alignment::Sim3).unwrap();
-        let by_poses = TrajectoryError::between_poses(&result, &truth, Alignment::Sim3).unwrap();
-        assert!(by_centres.centre.rmse < 1e-6 && by_centres.rotation_deg.median > 40.0, "{by_centres:?}");
-        assert!(by_poses.centre.rmse < 0.02 && by_poses.rotation_deg.median < 0.1, "{by_poses:?}");
-        assert!((by_poses.alignment.scale - 0.5).abs() < 1e-3);
-        let exact: Vec<Pose> = truth.iter().map(|pose| world.transform_camera(pose)).collect();
-        let exact = TrajectoryError::between_poses(&exact[..2], &truth[..2], Alignment::Sim3).unwrap();
-        assert!(exact.centre.max < 1e-9 && exact.rotation_deg.max < 1e-6, "{exact:?}");
+        let result: Vec<Pose> = truth.iter().map(turned).collect();
+        let error = TrajectoryError::between_poses(&result, &truth, Alignment::Se3).unwrap();
+        assert!((error.rotation_deg.median.to_radians() - angle / 2.0).abs() < 1e-5, "{error:?}");
     }
 
     #[test]

@@ -387,6 +387,18 @@ fn what_comes_later_says_what_it_needs() {
 }
 
 #[test]
+fn an_option_that_a_score_has_no_use_for_is_refused() {
+    let score = |of: &str, option: &[&str]| {
+        refused(&[&["eval", of, "--truth", "truth", "--result", "result"], option].concat())
+    };
+    assert!(score("cameras", &["--turns"]).contains("--align se3"));
+    for of in ["masks", "cloud"] {
+        assert!(score(of, &["--turns"]).contains("--turns means nothing"), "{of}");
+    }
+    assert!(score("cameras", &["--skip-first"]).contains("--skip-first means nothing"));
+}
+
+#[test]
 fn broken_input_is_one_line_and_changes_nothing() {
     let recording = Recording::new();
     let [color, depth, sparse] = ["color", "depth", "sparse"].map(|name| recording.path(name));

@@ -20,8 +20,8 @@ fn refused(project: &Project, more: &[&str]) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The centres lie nearly in a line: by them alone the turn about it is open, so that the rotation is that after alignment by
-/// orientations too. The aim is 1°.
+/// The centres lie nearly in a line, so that an alignment by them leaves the turn about it open; that by orientations too tells
+/// how far cameras are turned against each other. The aim is 1°, 1.14° is reached.
 #[test]
 fn a_kitchen_without_cameras() {
     let Some(data) = data_dir() else { return };
@@ -30,11 +30,11 @@ fn a_kitchen_without_cameras() {
     let said = project.done(&["reconstruct", &project.root()]);
     assert!(said.contains("167 of 167 frames by depth"), "{said}");
     assert_eq!(project.placed(), 167);
-    for (align, most_deg) in [(&["se3"][..], 3.5), (&["se3", "--turns"], 1.25)] {
+    for (align, most_deg) in [(&["--align", "se3"][..], 3.5), (&["--align", "se3", "--turns"], 1.25)] {
         let errors = project.errors_after(align, &set.join("sparse"));
         let number = |path: &str| errors.pointer(path).and_then(Value::as_f64).unwrap();
         let (centre, rotation) = (number("/error/centre/rmse"), number("/error/rotation_deg/median"));
-        println!("kitchen by depth, {}: {:.2} cm, rotation {rotation:.2}°", align.join(" "), 100.0 * centre);
+        println!("kitchen by depth {}: {:.2} cm, rotation {rotation:.2}°", align.join(" "), 100.0 * centre);
         assert!(centre <= 0.03 && rotation <= most_deg, "{centre} {rotation}");
     }
 }

@@ -56,7 +56,7 @@ impl Project {
 
     /// Cameras against the truth after Sim(3).
     pub(super) fn errors(&self, truth: &Path) -> Value {
-        self.errors_after(&["sim3"], truth)
+        self.errors_after(&["--align", "sim3"], truth)
     }
 
     /// Cameras against the truth after an alignment.
@@ -64,7 +64,7 @@ impl Project {
         let out = self.dir.path().join("cameras");
         self.done(&["export", &self.root(), "--cameras", out.to_str().unwrap()]);
         let eval = ["eval", "cameras", "--truth", truth.to_str().unwrap(), "--result", out.to_str().unwrap()];
-        let text = self.done(&[&eval[..], &["--json", "--align"], align].concat());
+        let text = self.done(&[&eval[..], &["--json"], align].concat());
         serde_json::from_str(text.lines().last().unwrap()).unwrap()
     }
 }

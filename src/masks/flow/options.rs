@@ -1,7 +1,7 @@
 /// How the flow tracker works. Weights are natural logarithms of odds; lengths in pixels of the working size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlowOptions {
-    /// Longer side of the pictures worked on, in pixels; larger ones are reduced.
+    /// Longer side of the pictures worked on from one anchor, in pixels; larger ones are reduced.
     pub most_side: u32,
     /// The same between two anchors, where few frames are corrected and outlines shall be right.
     pub most_side_between: u32,

@@ -72,17 +72,21 @@ struct Kept {
 
 impl Run<'_> {
     /// Walks through a gap from both of its ends. What the first walk finds is handed on at once, and again when the
-    /// second has met it.
+    /// second has met it. Between anchors, where few frames are corrected and each shall be right, pictures are larger and flow is
+    /// measured finely.
     fn fill(&mut self, gap: &Gap) -> Result<(), MaskError> {
         let Some(any) = gap.before.or(gap.after) else { return Ok(()) };
         let of = &self.request.frames[any];
-        let is_between = gap.before.is_some() && gap.after.is_some();
-        let most_side = if is_between { self.options.most_side_between } else { self.options.most_side };
-        let size = working_size(of.width, of.height, most_side);
+        let (most_side, finest) = if gap.before.and(gap.after).is_some() {
+            (self.options.most_side_between, Finest::Full)
+        } else {
+            (self.options.most_side, Finest::Half)
+        };
+        let scale = (working_size(of.width, of.height, most_side), finest);
         let mut kept: Vec<Option<Kept>> = Vec::new();
         if let Some(anchor) = gap.before {
             kept.resize_with(gap.to - gap.from + 1, || None);
-            self.walk(anchor, gap.after, gap.to, size, &mut |run, frame, walked| {
+            self.walk(anchor, gap.after, gap.to, scale, &mut |run, frame, walked| {
                 if frame >= gap.from {
                     run.hand_on(frame, &walked, gap.after.is_some());
                     if gap.after.is_none() {
@@ -94,7 +98,7 @@ impl Run<'_> {
             })?;
         }
         if let Some(anchor) = gap.after {
-            self.walk(anchor, gap.before, gap.from, size, &mut |run, frame, walked| {
+            self.walk(anchor, gap.before, gap.from, scale, &mut |run, frame, walked| {
                 if frame > gap.to {
                     return;
                 }
@@ -113,14 +117,13 @@ impl Run<'_> {
     }
 
     /// Walks from an anchor to the frame `last`, which lies before or after it; the colours of the anchor at the other
-    /// end are heeded too. Between anchors, where few frames are corrected and each shall be right, flow is measured
-    /// finely. An anchor that cannot be read starts no walk.
+    /// end are heeded too. An anchor that cannot be read starts no walk.
     fn walk(
         &mut self,
         anchor: usize,
         other: Option<usize>,
         last: usize,
-        size: (usize, usize),
+        (size, finest): ((usize, usize), Finest),
         found: &mut dyn FnMut(&mut Self, usize, WalkedFrame),
     ) -> Result<(), MaskError> {
         let Some((mut picture, mask)) = self.anchor(anchor, size)? else { return Ok(()) };
@@ -131,7 +134,6 @@ impl Run<'_> {
             walk.learn(&picture, &mask);
         }
         let mut route = Route::new(anchor, last, size);
-        let finest = if other.is_some() { Finest::Full } else { Finest::Half };
         let mut at = anchor;
         let mut coming = change(&mut route, &mut self.pictures, &picture, finest)?;
         while let Some((frame, step)) = coming {

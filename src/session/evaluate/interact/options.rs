@@ -15,8 +15,8 @@ pub struct InteractOptions {
     pub seed: u64,
     /// The finest that a hand draws: how far a border lies off between two corners, in pixels; above 0.
     pub outline_px: f64,
-    /// What each corner that is drawn beyond [`Self::good_iou`] must add to the IoU of its label on its frame: what is drawn is
-    /// carried on, so that a better outline is worth some; above 0.
+    /// What corners that are drawn beyond [`Self::good_iou`] must add to the IoU of their label on their frame, for each of them:
+    /// what is drawn is carried on, so that a better outline is worth some; above 0.
     pub corner_gain: f64,
 }
 

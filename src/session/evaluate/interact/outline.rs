@@ -21,7 +21,7 @@ type Iou<'a> = &'a dyn Fn(&LabelMask) -> f64;
 pub struct Aim {
     /// IoU at which a label is good; 0–1.
     pub good_iou: f64,
-    /// What each further corner must add to the IoU of a label that is good; above 0.
+    /// What further corners must add to the IoU of a label that is good, for each of them; above 0.
     pub corner_gain: f64,
     /// How far a border lies off between two corners where a hand draws as finely as it can, in pixels; above 0.
     pub finest_px: f64,
@@ -80,8 +80,7 @@ fn drawn_whole(
     Ok((drawn.corners > 0).then_some(drawn))
 }
 
-/// Wrong parts drawn one after the other as long as that pays; `None` where nothing can be drawn, or it takes so many corners
-/// that it can no longer outdo `best`.
+/// Wrong parts drawn one after the other as long as that pays and can still outdo `best`; `None` where none is drawn.
 fn drawn_parts(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
@@ -95,11 +94,8 @@ fn drawn_parts(
         let Some(polygon) = polygons(&wrong.pixels, off_px).into_iter().next() else { break };
         let mut next = drawn.clone();
         next.draw(&polygon, (label, tree), wrong.include)?;
-        if aim.rank(1.0, next.corners) <= best {
-            return Ok(None);
-        }
         let ranked = aim.rank(iou(&next.mask), next.corners);
-        if ranked <= rank {
+        if ranked <= rank || aim.rank(1.0, next.corners) <= best {
             break;
         }
         (drawn, rank) = (next, ranked);
@@ -139,12 +135,16 @@ mod tests {
     }
 
     fn drawn_from(truth: &LabelMask, mask: &LabelMask) -> Option<Drawn> {
+        drawn_for(truth, mask, 1.0)
+    }
+
+    fn drawn_for(truth: &LabelMask, mask: &LabelMask, corner_gain: f64) -> Option<Drawn> {
         let iou = |mask: &LabelMask| {
             let pairs = || mask.ids.iter().zip(&truth.ids);
             let both = pairs().filter(|(a, b)| **a == LABEL && **b == LABEL).count();
             both as f64 / pairs().filter(|(a, b)| **a == LABEL || **b == LABEL).count() as f64
         };
-        let aim = Aim { good_iou: 0.9, corner_gain: 1.0, finest_px: 2.0 };
+        let aim = Aim { good_iou: 0.9, corner_gain, finest_px: 2.0 };
         drawn((truth, mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap()
     }
 
@@ -155,6 +155,16 @@ mod tests {
         assert_eq!(drawn_from(&truth, &missed).unwrap().corners, 4, "the missed stripe, not the corner");
         let taken = mask(|x, y| (20..80).contains(&x) && (20..95).contains(&y));
         assert_eq!(drawn_from(&truth, &taken).unwrap(), Drawn { mask: truth.clone(), corners: 4 });
+    }
+
+    #[test]
+    fn more_corners_are_drawn_where_they_pay() {
+        let within = |x: u32, y: u32, across: std::ops::Range<u32>| across.contains(&x) && (20..80).contains(&y);
+        let truth = mask(|x, y| within(x, y, 20..80) || within(x, y, 80..86) && (45..75).contains(&y));
+        let nothing = mask(|_, _| false);
+        assert_eq!(drawn_for(&truth, &nothing, 1.0).unwrap().corners, 4);
+        assert_eq!(drawn_for(&truth, &nothing, 0.004).unwrap(), Drawn { mask: truth.clone(), corners: 8 });
+        assert_eq!(drawn_for(&truth, &nothing, 0.02).unwrap().corners, 4, "four for 0.05 are too dear");
     }
 
     #[test]

@@ -14,8 +14,8 @@ use crate::session::prepared::PreparedFrames;
 const PREPARED_BYTES: usize = 256 << 20;
 
 /// Plays a robot user who labels the first frame that shows anything, tracks, and then corrects where most is amiss,
-/// which is carried anew up to the neighbouring anchors, until the sequence is good enough or as much work as clicking every
-/// frame from nothing, which is counted first. A label that a visit left below [`InteractOptions::good_iou`], or did not
+/// which is carried anew up to the neighbouring anchors, until the sequence is good enough or twice as much work as clicking
+/// every frame from nothing, which is counted first. A label that a visit left below [`InteractOptions::good_iou`], or did not
 /// better, is left alone on that frame.
 ///
 /// # Errors
@@ -27,12 +27,12 @@ pub fn interact(
     options: &InteractOptions,
     progress: &Progress,
 ) -> Result<InteractReport> {
-    let prepared = PreparedFrames::new(PREPARED_BYTES);
     let first = sequence.truth.keys().copied().find(|&frame| !sequence.shown_on(frame).is_empty());
     let first = first.context("the true masks show no label; give masks that do")?;
-    let alone = frame_by_frame(sequence, segmenter, options, &prepared, progress)?;
+    let alone = frame_by_frame(sequence, segmenter, options, progress)?;
     let begun = Instant::now();
-    let most_clicks = alone.values().map(|alone| alone.clicks).sum();
+    let prepared = PreparedFrames::new(PREPARED_BYTES);
+    let most_clicks = 2 * alone.values().map(|alone| alone.clicks).sum::<usize>();
     let user = RobotUser::new(sequence, segmenter, &prepared, progress, options, 0, most_clicks);
     let mut game = Game::new(user, tracker, options);
     progress.stage("click")?;
@@ -130,16 +130,16 @@ fn frame_by_frame(
     sequence: &Sequence,
     segmenter: &dyn Segmenter,
     options: &InteractOptions,
-    prepared: &PreparedFrames,
     progress: &Progress,
 ) -> Result<BTreeMap<usize, FrameByFrame>> {
+    let prepared = PreparedFrames::new(PREPARED_BYTES);
     let options = &InteractOptions { corner_gain: 1.0, ..*options };
     let mut all = BTreeMap::new();
     for (done, &frame) in sequence.truth.keys().enumerate() {
         progress.stage("click frame by frame")?;
         progress.step(done, sequence.truth.len())?;
         let turn = 1 + frame as u64;
-        let mut user = RobotUser::new(sequence, segmenter, prepared, progress, options, turn, usize::MAX);
+        let mut user = RobotUser::new(sequence, segmenter, &prepared, progress, options, turn, usize::MAX);
         user.visit(frame, &sequence.shown_on(frame), options.good_iou, options.visit_clicks)?;
         let failed = user.ious(frame)?.values().any(|&iou| iou < options.good_iou);
         all.insert(frame, FrameByFrame { frames: 1, clicks: user.clicks(), failed: usize::from(failed) });

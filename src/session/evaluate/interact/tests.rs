@@ -3,6 +3,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
+use super::user::RobotUser;
 use super::{FrameByFrame, InteractOptions, Sequence, interact};
 use crate::engine::job::{Progress, Stopped};
 use crate::frames::{DepthMap, FrameFolder, FrameStore, Image, OpenRequest, open};
@@ -10,6 +11,7 @@ use crate::masks::{
     Label, LabelId, LabelMask, LabelTree, MaskError, PreparedFrame, Region, RunMask, SegmentRequest, Segmenter,
     TrackRequest, TrackedFrame, Tracker,
 };
+use crate::session::prepared::PreparedFrames;
 
 const SIZE: (u32, u32) = (64, 24);
 const FRAMES: u32 = 12;
@@ -161,6 +163,19 @@ fn a_hand_too_coarse_ends_all_the_same() {
         report.frame_by_frame,
         FrameByFrame { frames: 12, clicks: 21 * options.patience, failed: FRAMES as usize }
     );
+}
+
+#[test]
+fn no_more_clicks_are_given_than_there_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let (sequence, options, progress) = (sequence(folder.path()), InteractOptions::default(), Progress::default());
+    let (prepared, segmenter) = (PreparedFrames::new(1 << 20), ByColor { whole: false });
+    for most in [2, 5] {
+        let mut user = RobotUser::new(&sequence, &segmenter, &prepared, &progress, &options, 0, most);
+        user.visit(4, &sequence.shown_on(4), options.good_iou, options.visit_clicks).unwrap();
+        // Six clicks in vain and four corners for each of two labels would be wanted.
+        assert!(user.is_spent() && user.clicks() == most && user.corners() == 0, "{} of {most}", user.clicks());
+    }
 }
 
 #[test]
