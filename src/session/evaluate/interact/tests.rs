@@ -158,7 +158,7 @@ fn a_hand_too_coarse_ends_all_the_same() {
     let report =
         interact(&sequence, &ByColor { whole: false }, &Copier::default(), &options, &Progress::default()).unwrap();
     assert!(report.reached.iter().all(|goal| goal.clicks.is_none()) && report.saved().is_none());
-    assert!(report.clicks <= report.frame_by_frame.clicks && report.mean_iou < 0.1, "{report:?}");
+    assert!(report.clicks <= 2 * report.frame_by_frame.clicks && report.mean_iou < 0.1, "{report:?}");
     assert_eq!(
         report.frame_by_frame,
         FrameByFrame { frames: 12, clicks: 21 * options.patience, failed: FRAMES as usize }
