@@ -51,6 +51,8 @@ mod ranges;
 #[cfg(test)]
 mod rgbd;
 #[cfg(test)]
+mod segmenter;
+#[cfg(test)]
 mod session;
 #[cfg(test)]
 mod sfm;

@@ -7,7 +7,7 @@ use super::graph::Edge;
 use super::situation::Situation;
 
 /// Number of traits.
-pub(super) const TRAITS: usize = 25;
+pub(super) const TRAITS: usize = 26;
 
 /// Traits of a candidate; see [`traits_of`] for their order.
 pub(super) type Traits = [f32; TRAITS];
@@ -40,7 +40,8 @@ struct BorderSums {
 /// ln(area / answer so far), that times ln of the number of clicks, share nearer to a click of the other side, leaning
 /// by geodesic distance inside and just outside, mean price of edges inside, offset of the middle from the click / √area,
 /// share of the box filled, share apart from the click; for a change that takes all alike its `limit` (else 0) / 10, and
-/// that times ln of the clicks on this side, times the reach, times ln of the depth at the click.
+/// that times ln of the clicks on this side, times the reach, times ln of the depth at the click; area / answer so far times
+/// ln of half the clicks (those of rivals among them).
 pub(super) fn traits_of(
     situation: &Situation<'_>,
     change: &[bool],
@@ -95,6 +96,7 @@ pub(super) fn traits_of(
         alike * same_side.ln(),
         alike * (situation.reach / 60.0).min(2.0),
         alike * at_click.ln(),
+        against_answer.exp() * (0.5 * situation.clicks.len() as f32).max(1.0).ln(),
     ]
 }
 
