@@ -61,7 +61,8 @@ pub struct Engine {
 #[must_use]
 pub fn engines() -> Vec<Engine> {
     const NETWORKS: &str = "its networks and ONNX Runtime; add both with 'ostra models add'";
-    const SAM: &str = "the networks sam-vit-b or mobile-sam and ONNX Runtime; add both with 'ostra models add'";
+    const SAM: &str =
+        "the networks sam-vit-b, mobile-sam or efficient-sam and ONNX Runtime; add both with 'ostra models add'";
     const GROUNDER: &str = "the networks grounding-dino or yolox and ONNX Runtime; add both with 'ostra models add'";
     const GROUNDING_DINO: &str = "the network grounding-dino and ONNX Runtime; add both with 'ostra models add'";
     const YOLOX: &str = "the network yolox and ONNX Runtime; add both with 'ostra models add'";

@@ -39,7 +39,7 @@ static DEAOT: Kept<Deaot> = Kept::new();
 static XFEAT: Kept<XFeatCells> = Kept::new();
 
 /// Networks that can stand behind the segmenter `sam`, the most exact first.
-pub(super) const SAM_NETWORKS: [&str; 2] = ["sam-vit-b", "mobile-sam"];
+pub(super) const SAM_NETWORKS: [&str; 3] = ["sam-vit-b", "mobile-sam", "efficient-sam"];
 
 /// Segment Anything, by the first of its networks that is installed.
 pub(super) struct KeptSam {

@@ -1,15 +1,19 @@
 #!/usr/bin/env python3
-"""Two small networks with the inputs and outputs of Segment Anything that see flat colours, for tests of what is asked.
+"""Small networks with the inputs and outputs of Segment Anything that see flat colours, for tests of what is asked.
 
     pip install torch onnx
     python3 tests/parity/flat.py tests/parity/sam-flat
+    python3 tests/parity/flat.py tests/parity/efficient-sam-flat --efficient
 
 The embedding is the mean colour of each cell. An answer is all cells that are of the mean colour of the include clicks
 (without one: of the middle of the box), within the box; an earlier answer is added; what has the colour of an exclude
 click is taken away. Clicks on two colours at once therefore find neither.
+
+Those with the interface of EfficientSAM know no exclude clicks. They give all that has the colour of an include click, or
+what is not grey within a box, and twice the whole picture, once surer than that for clicks and once less sure.
 """
 
-import sys
+import argparse
 import warnings
 from pathlib import Path
 
@@ -53,8 +57,64 @@ class Decoder(nn.Module):
         return F.interpolate(masks, (16, 16)) + 0 * size.sum(), low.sum() * 0 + torch.tensor([[0.5, 0.6, 0.95, 0.7]]), masks
 
 
+class EfficientEncoder(nn.Module):
+    def forward(self, images):
+        return F.interpolate(images, (CELLS, CELLS), mode="bilinear")
+
+
+class EfficientDecoder(nn.Module):
+    def forward(self, embedding, coords, labels, size):
+        height, width = size[0], size[1]
+        colours = embedding.flatten(2).transpose(1, 2)  # [1, cells, 3]
+        middles = (torch.arange(CELLS) + 0.5) / CELLS
+        rows, columns = torch.meshgrid(middles, middles, indexing="ij")
+        places = torch.stack([columns, rows], -1).reshape(1, 1, -1, 2)
+        at = (coords[0] + 0.5) / torch.stack([width, height])
+        include, first, last = ((labels[0] == kind).float()[..., None] for kind in (1, 2, 3))
+        near = ((places - at[:, :, None]).abs() <= 0.5 / CELLS).all(-1).float()
+        seen = (near @ colours) / near.sum(-1, keepdim=True).clamp(min=1)
+        unlike = (colours[:, None] - seen[:, :, None]).square().sum(-1) + 100 * (1 - include)
+        lower, upper = (at * first).sum(1), (at * last).sum(1)
+        inside = ((places[:, 0] >= lower[:, None]) & (places[:, 0] <= upper[:, None])).all(-1).float()
+        coloured = (colours.amax(-1) - colours.amin(-1) > 0.1).float()
+        boxed = last.sum()
+        thing = torch.where(boxed > 0, inside * coloured, (unlike.amin(1) < 0.01).float())
+        low = torch.stack([thing, thing * 0 + 1, thing * 0 + 1], 1).unflatten(2, (CELLS, CELLS))
+        masks = F.interpolate(16 * low - 8, scale_factor=4.0, mode="nearest")
+        scores = torch.stack([0.7 + 0.25 * boxed, 0.9 + 0 * boxed, 0.5 + 0 * boxed]).reshape(1, 1, 3)
+        return F.interpolate(masks, (height, width), mode="bilinear")[:, None], scores
+
+
+def efficient(out, export):
+    points = {2: "num_points"}
+    names = ["image_embeddings", "batched_point_coords", "batched_point_labels", "orig_im_size"]
+    given = (torch.zeros(1, 3, CELLS, CELLS), torch.zeros(1, 1, 3, 2), torch.ones(1, 1, 3), torch.tensor([64, 64]))
+    torch.onnx.export(
+        EfficientEncoder(),
+        (torch.zeros(1, 3, 80, 112),),
+        out / "encoder.onnx",
+        input_names=["batched_images"],
+        output_names=["image_embeddings"],
+        dynamic_axes={"batched_images": {2: "height", 3: "width"}},
+        **export,
+    )
+    torch.onnx.export(
+        EfficientDecoder(),
+        given,
+        out / "decoder.onnx",
+        input_names=names,
+        output_names=["output_masks", "iou_predictions"],
+        dynamic_axes={names[1]: points, names[2]: points},
+        **export,
+    )
+
+
 def main():
-    out = Path(sys.argv[1])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--efficient", action="store_true")
+    asked = parser.parse_args()
+    out = asked.out
     out.mkdir(parents=True, exist_ok=True)
     given = {
         "image_embeddings": torch.zeros(1, 3, CELLS, CELLS),
@@ -70,6 +130,9 @@ def main():
     image = torch.zeros(1, 3, SIDE, SIDE)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
+        if asked.efficient:
+            efficient(out, export)
+            return
         torch.onnx.export(
             Encoder(), (image,), out / "encoder.onnx", input_names=["image"], output_names=["image_embeddings"], **export
         )

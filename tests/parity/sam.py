@@ -11,7 +11,6 @@ A fault put into the reference must make the test fail. `tests/parity/sam-tiny` 
 """
 
 import argparse
-import json
 import os
 import re
 import subprocess
@@ -22,17 +21,13 @@ import numpy as np
 import torch
 from pictures import half_a_pixel, pictures
 from PIL import Image
+from references import COVERED, DRAWS, put_frames
 from transformers import SamConfig, SamModel
 from transformers.models.sam.image_processing_pil_sam import SamImageProcessorPil
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "assets" / "export"))
 import sam as exporter  # noqa: E402
-
-# The share of a picture that a mask may cover for the comparison to mean something.
-COVERED = (0.02, 0.60)
-# Draws of the decoder's weights after which none is looked for any more.
-DRAWS = 400
 
 
 def reference(size):
@@ -174,28 +169,6 @@ def tie(model):
     shared.copy_(model.shared_image_embedding.positional_embedding)
 
 
-def write(out, name, shown, given):
-    """`reference.json` tells where in `reference.bin`, little-endian 32-bit floats, each tensor begins."""
-    values, frames = [], []
-
-    def put(tensor):
-        start = sum(len(part) for part in values)
-        values.append(tensor.detach().numpy().astype("<f4").ravel())
-        return {"start": start, "shape": list(tensor.shape)}
-
-    for at, (picture, (asked, answers)) in enumerate(zip(shown, given)):
-        file = f"frame-{at}.png"
-        picture.save(out / file, optimize=True)
-        cases = [answer | {"low": put(answer["low"])} for answer in answers]
-        for case in cases:
-            # One at the size of the picture: the others are enlarged in the same way.
-            case["logits"] = put(case["logits"]) if case is cases[0] else None
-        frames.append({"picture": file, "embedding": put(asked.embedding[0]), "cases": cases})
-    np.concatenate(values).tofile(out / "reference.bin")
-    told = {"encoder": f"{name}-encoder.onnx", "decoder": f"{name}-decoder.onnx", "frames": frames}
-    (out / "reference.json").write_text(json.dumps(told, indent=1) + "\n")
-
-
 def check_names():
     """Our names and shapes are those of the official checkpoints, which `load_state_dict` asks for one by one."""
     for size, checkpoint in (("vit-b", "sam_vit_b_01ec64"), ("mobile", "mobile_sam")):
@@ -223,7 +196,7 @@ def main():
     shown = list(pictures(asked.frames))
     with torch.no_grad():
         model, given = build(size, asked.seed, processor, shown, asked.fault)
-        write(asked.out, size.name, shown, given)
+        put_frames(asked.out, size.name, shown, given)
     for of, answers in given:
         print(f"{of.size}: masks cover", ", ".join(f"{answer['covers']:.1%}" for answer in answers))
     checkpoint = asked.out / "checkpoint.pth"

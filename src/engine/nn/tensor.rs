@@ -40,6 +40,14 @@ impl Tensor {
         Self::new(shape, TensorValues::F32(values))
     }
 
+    /// A tensor of integers.
+    ///
+    /// # Errors
+    /// As [`Tensor::new`].
+    pub fn integers(shape: &[usize], values: Vec<i64>) -> Result<Self, NnError> {
+        Self::new(shape, TensorValues::I64(values))
+    }
+
     /// Size of each dimension.
     #[must_use]
     pub fn shape(&self) -> &[usize] {

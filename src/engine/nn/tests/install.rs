@@ -56,12 +56,11 @@ fn another_network_is_not_added() {
 #[test]
 fn a_network_without_a_known_interface_is_loaded_only() {
     let Some((_, folder)) = ready() else { return };
-    let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
-    let added =
-        add(&catalogue, scratch.path(), "efficient-sam", &[folder.join("xfeat.onnx"), folder.join("xfeat.onnx")])
-            .unwrap();
+    let text = "[[entry]]\nname = 'a'\npurpose = ''\nlicence = ''\nsource = ''\n[[entry.file]]\nname = 'a.onnx'\n";
+    let (catalogue, scratch) = (toml::from_str::<Catalogue>(text).unwrap(), tempfile::tempdir().unwrap());
+    let added = add(&catalogue, scratch.path(), "a", &[folder.join("xfeat.onnx")]).unwrap();
     assert_eq!(added[0].proof, Proof::Loads);
-    assert!(!check(&catalogue, scratch.path(), "efficient-sam").unwrap()[0].is_compared);
+    assert!(!check(&catalogue, scratch.path(), "a").unwrap()[0].is_compared);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::found::Answer;
 use super::shown::Shown;
 use super::tokenizer::Tokenizer;
 use crate::engine::job::{Progress, Stopped};
-use crate::engine::nn::{Network, NnError, Tensor, TensorValues, load, load_text};
+use crate::engine::nn::{Network, NnError, Tensor, load, load_text};
 use crate::frames::Image;
 use crate::masks::{GroundRequest, Grounded, MaskError, TextGrounder};
 
@@ -90,7 +90,7 @@ impl GroundingDino {
         let told = |error: NnError| MaskError::Network(error.to_string());
         let count = caption.ids.len();
         let image = Tensor::floats(&[1, 3, shown.rows, shown.columns], shown.planes()).map_err(told)?;
-        let integers = |shape: &[usize], values| Tensor::new(shape, TensorValues::I64(values)).map_err(told);
+        let integers = |shape: &[usize], values| Tensor::integers(shape, values).map_err(told);
         let ids = integers(&[1, count], caption.ids.clone())?;
         let positions = integers(&[1, count], caption.positions.clone())?;
         let attention = integers(&[1, count, count], caption.attention())?;

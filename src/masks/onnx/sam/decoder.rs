@@ -1,3 +1,4 @@
+use super::canvas::Canvas;
 use super::network::told;
 use crate::engine::nn::{Network, NnError, Tensor};
 use crate::masks::MaskError;
@@ -6,10 +7,22 @@ use crate::masks::MaskError;
 #[derive(Debug)]
 pub(super) struct Decoder {
     network: Network,
-    side: usize,
+    dialect: Dialect,
     channels: usize,
     cells: usize,
 }
+
+/// How a decoder is asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Dialect {
+    /// Segment Anything: exclude clicks, an earlier answer to refine, one mask for clear questions and three for others.
+    Sam,
+    /// `EfficientSAM` (Xiong et al., CVPR 2024): include clicks and boxes, at most [`MOST_TOLD`] points, three masks.
+    Efficient,
+}
+
+/// Points that `EfficientSAM` heeds, corners of a box among them.
+const MOST_TOLD: usize = 6;
 
 /// Pixels of the encoder's square along each side of a cell of the embedding.
 const CELL: usize = 16;
@@ -34,6 +47,15 @@ pub(super) enum PointKind {
     LastCorner,
     /// Stands where there is no box.
     Padding,
+}
+
+/// What a question may mean.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Answers {
+    /// The mask for clear questions; `None` of a network that leaves the choice.
+    pub clear: Option<Answer>,
+    /// Those for ambiguous ones; none of a network that chose.
+    pub others: Vec<Answer>,
 }
 
 /// A mask and how good the network thinks it is.
@@ -63,25 +85,45 @@ impl PointKind {
             Self::Padding => -1.0,
         }
     }
+
+    fn is_corner(self) -> bool {
+        matches!(self, Self::FirstCorner | Self::LastCorner)
+    }
+
+    fn is_understood_without_excludes(self) -> bool {
+        self.is_corner() || self == Self::Include
+    }
 }
 
 impl Decoder {
-    /// `None` where it does not take what an encoder of that side gives.
-    pub fn new(network: Network, side: usize) -> Result<Option<Self>, NnError> {
-        let port = network.signature().inputs.iter().find(|port| port.name == "image_embeddings");
-        let sizes = port.map(|port| port.shape.as_slice());
+    /// Tells the dialect by the names of the inputs.
+    ///
+    /// # Errors
+    /// [`NnError::Mismatch`] where it takes no square embedding.
+    pub fn new(network: Network) -> Result<Self, NnError> {
+        let named = |name: &str| network.signature().inputs.iter().find(|port| port.name == name);
+        let dialect = if named("batched_point_coords").is_some() { Dialect::Efficient } else { Dialect::Sam };
+        let sizes = named("image_embeddings").map(|port| port.shape.as_slice());
         let Some([_, Some(channels), Some(rows), Some(columns)]) = sizes else {
             let what = "expected the input `image_embeddings` f32 [1, channels, cells, cells]".to_owned();
             return Err(NnError::Mismatch { path: network.path().to_owned(), what });
         };
+        if rows != columns {
+            let what = format!("expected as many rows as columns of cells, it takes {rows}×{columns}");
+            return Err(NnError::Mismatch { path: network.path().to_owned(), what });
+        }
         let (channels, cells) = (*channels, *rows);
-        let fits = rows == columns && cells * CELL == side;
-        Ok(fits.then_some(Self { network, side, channels, cells }))
+        Ok(Self { network, dialect, channels, cells })
     }
 
-    /// Pixels along each side of the encoder's square.
-    pub fn side(&self) -> usize {
-        self.side
+    /// How it is asked.
+    pub fn dialect(&self) -> Dialect {
+        self.dialect
+    }
+
+    /// The square that the encoder sees.
+    pub fn canvas(&self) -> Canvas {
+        Canvas { side: self.cells * CELL, is_filled: self.dialect == Dialect::Efficient }
     }
 
     /// Channels and cells along each side of an embedding.
@@ -94,11 +136,17 @@ impl Decoder {
         self.cells * FINE
     }
 
-    /// The masks that a question may mean: first the one for clear questions, then those for ambiguous ones, where the
-    /// network gives them all. `before` are logits of an earlier answer that is to be refined.
-    pub fn run(&self, embedding: &Tensor, asked: &Question, before: Option<&[f32]>) -> Result<Vec<Answer>, MaskError> {
+    /// The masks that a question may mean. `before` are logits of an earlier answer that is to be refined, where the
+    /// network can.
+    pub fn run(&self, embedding: &Tensor, asked: &Question, before: Option<&[f32]>) -> Result<Answers, MaskError> {
+        match self.dialect {
+            Dialect::Sam => self.run_sam(embedding, asked, before),
+            Dialect::Efficient => self.run_efficient(embedding, asked),
+        }
+    }
+
+    fn run_sam(&self, embedding: &Tensor, asked: &Question, before: Option<&[f32]>) -> Result<Answers, MaskError> {
         let (count, fine) = (asked.points.len(), self.fine());
-        let floats = |shape: &[usize], values: Vec<f32>| Tensor::floats(shape, values).map_err(told);
         let points = floats(&[1, count, 2], asked.points.as_flattened().to_vec())?;
         let kinds = floats(&[1, count], asked.kinds.iter().map(|kind| kind.number()).collect())?;
         let mask = floats(&[1, 1, fine, fine], before.map_or_else(|| vec![0.0; fine * fine], <[f32]>::to_vec))?;
@@ -113,17 +161,41 @@ impl Decoder {
             ("has_mask_input", &is_given),
             ("orig_im_size", &size),
         ];
-        let given = self.network.run(&fed).map_err(told)?;
-        self.answers(&given)
+        let mut answers = self.answers(&fed, "low_res_masks", &[1, 4])?;
+        Ok(Answers { clear: Some(answers.remove(0)), others: answers })
     }
 
-    fn answers(&self, given: &[Tensor]) -> Result<Vec<Answer>, MaskError> {
+    fn run_efficient(&self, embedding: &Tensor, asked: &Question) -> Result<Answers, MaskError> {
+        // Masks come at the size that points are told in: at that of the logits nothing is resampled.
+        let (fine, side) = (self.fine(), self.canvas().side);
+        let understood =
+            asked.points.iter().zip(&asked.kinds).filter(|(_, kind)| kind.is_understood_without_excludes());
+        let (corners, clicks): (Vec<_>, Vec<_>) = understood.partition(|(_, kind)| kind.is_corner());
+        let latest = &clicks[clicks.len().saturating_sub(MOST_TOLD - corners.len())..];
+        let told_of: Vec<_> = corners.iter().chain(latest).collect();
+        let points = told_of.iter().flat_map(|(at, _)| at.map(|at| at * (fine as f32 / side as f32))).collect();
+        let kinds = told_of.iter().map(|(_, kind)| kind.number()).collect();
+        let points = floats(&[1, 1, told_of.len(), 2], points)?;
+        let kinds = floats(&[1, 1, told_of.len()], kinds)?;
+        let size = Tensor::integers(&[2], vec![fine as i64; 2]).map_err(told)?;
+        let fed = [
+            ("image_embeddings", embedding),
+            ("batched_point_coords", &points),
+            ("batched_point_labels", &kinds),
+            ("orig_im_size", &size),
+        ];
+        Ok(Answers { clear: None, others: self.answers(&fed, "output_masks", &[3])? })
+    }
+
+    /// The masks of one run, as many as one of the `counts`.
+    fn answers(&self, fed: &[(&str, &Tensor)], masks: &str, counts: &[usize]) -> Result<Vec<Answer>, MaskError> {
+        let given = self.network.run(fed).map_err(told)?;
         let ports = &self.network.signature().outputs;
         let named = |name: &str| ports.iter().position(|port| port.name == name).and_then(|at| given.get(at));
         let fine = self.fine();
-        let all = named("low_res_masks").zip(named("iou_predictions")).and_then(|(masks, scores)| {
+        let all = named(masks).zip(named("iou_predictions")).and_then(|(masks, scores)| {
             let count = scores.as_floats().len();
-            let fits = masks.shape() == [1, count, fine, fine] && (count == 1 || count == 4);
+            let fits = masks.shape().ends_with(&[count, fine, fine]) && counts.contains(&count);
             fits.then(|| masks.as_floats().chunks_exact(fine * fine).zip(scores.as_floats()))
         });
         let path = self.network.path().display();
@@ -131,4 +203,8 @@ impl Decoder {
         let answer = |(logits, &score): (&[f32], &f32)| Answer { logits: logits.to_vec(), score };
         Ok(all.ok_or_else(unfit)?.map(answer).collect())
     }
+}
+
+fn floats(shape: &[usize], values: Vec<f32>) -> Result<Tensor, MaskError> {
+    Tensor::floats(shape, values).map_err(told)
 }

@@ -1,5 +1,6 @@
 use rayon::prelude::*;
 
+use super::canvas::Canvas;
 use super::part::Part;
 
 /// Which logits in a row make one pixel, and with what weight.
@@ -9,10 +10,12 @@ struct Taps {
 }
 
 /// Logits at the size of a part of a picture, `part.width · part.height` row by row, from `fine · fine` of the network's
-/// square of `side` pixels: bilinear to the square, cut to what of it shows the part, bilinear to the part, as the
-/// official code does it. Both are weighted sums along rows and along columns, made here as one.
-pub(super) fn enlarged(logits: &[f32], fine: usize, part: Part, side: usize) -> Vec<f32> {
-    let shown = part.shown(side);
+/// square: bilinear to the square, cut to what of it shows the part, bilinear to the part, and at once where the part
+/// fills it, as the official codes do it. Both are weighted sums along rows and along columns, made here as one.
+pub(super) fn enlarged(logits: &[f32], fine: usize, part: Part, canvas: Canvas) -> Vec<f32> {
+    // A square of one pixel a logit is passed through unchanged.
+    let canvas = if canvas.is_filled { Canvas { side: fine, ..canvas } } else { canvas };
+    let (shown, side) = (part.shown(canvas), canvas.side);
     let (width, height) = (part.width as usize, part.height as usize);
     let columns = taps(fine, side, shown.0, width);
     let mut wide = vec![0.0; fine * width];

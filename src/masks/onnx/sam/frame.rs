@@ -1,7 +1,8 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::decoder::{Answer, Decoder, PointKind, Question};
+use super::canvas::Canvas;
+use super::decoder::{Answer, Answers, Decoder, Dialect, PointKind, Question};
 use super::embedding::Embedding;
 use super::enlarge::enlarged;
 use super::everything::EverythingOptions;
@@ -56,8 +57,9 @@ impl SamFrame {
         self.part
     }
 
-    pub(super) fn side(&self) -> usize {
-        self.decoder.side()
+    /// The square that the network sees the part on.
+    pub(super) fn canvas(&self) -> Canvas {
+        self.decoder.canvas()
     }
 
     /// Logits along each side of an answer.
@@ -86,10 +88,14 @@ impl SamFrame {
             return Ok(Arc::clone(answer));
         }
         drop(known);
-        let is_ambiguous = clicks.len() == 1 && within.is_none() && before.is_none();
-        let logits = before.map(|answer| answer.logits.as_slice());
-        let answers = self.decoder.run(&self.embedding, &question, logits)?;
-        let answer = Arc::new(chosen(answers, is_ambiguous)?);
+        let answer = Arc::new(match self.decoder.dialect() {
+            Dialect::Sam => {
+                let is_ambiguous = clicks.len() == 1 && within.is_none() && before.is_none();
+                let logits = before.map(|answer| answer.logits.as_slice());
+                chosen(self.decoder.run(&self.embedding, &question, logits)?, is_ambiguous)?
+            }
+            Dialect::Efficient => self.heeding(clicks, within, before.map(|before| &**before))?,
+        });
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         known.push_back((Asked { question, before: before.cloned() }, Arc::clone(&answer)));
         if known.len() > KNOWN {
@@ -100,22 +106,24 @@ impl SamFrame {
 
     /// All masks that a click may mean, with the network's scores; nothing of it is kept.
     pub(super) fn masks_at(&self, click: Click) -> Result<Vec<Answer>, MaskError> {
-        let mut answers = self.decoder.run(&self.embedding, &self.question(&[click], None), None)?;
-        if answers.len() > 1 {
-            answers.remove(0);
-        }
-        Ok(answers)
+        let Answers { clear, others } = self.masks(&[click], None)?;
+        Ok(if others.is_empty() { clear.into_iter().collect() } else { others })
+    }
+
+    /// All masks that clicks and a box may mean.
+    pub(super) fn masks(&self, clicks: &[Click], within: Option<&PxBox>) -> Result<Answers, MaskError> {
+        self.decoder.run(&self.embedding, &self.question(clicks, within), None)
     }
 
     fn question(&self, clicks: &[Click], within: Option<&PxBox>) -> Question {
-        let (part, side) = (self.part, self.side());
+        let (part, canvas) = (self.part, self.canvas());
         let mut question = Question::default();
         for click in clicks {
             let kind = if click.include { PointKind::Include } else { PointKind::Exclude };
-            question.tell(part.told_click(click.at_px, side), kind);
+            question.tell(part.told_click(click.at_px, canvas), kind);
         }
         if let Some(within) = within {
-            let [first, last] = part.told_box(within, side);
+            let [first, last] = part.told_box(within, canvas);
             question.tell(first, PointKind::FirstCorner);
             question.tell(last, PointKind::LastCorner);
         } else {
@@ -126,15 +134,15 @@ impl SamFrame {
 
     /// Logit of an answer under a click.
     pub(super) fn logit_at(&self, answer: &Answer, click: &Click) -> f32 {
-        let (fine, side) = (self.fine(), self.side());
-        let cell = |at: f32| (((at + 0.5) * fine as f32 / side as f32) as usize).min(fine - 1);
-        let [x, y] = self.part.told_click(click.at_px, side).map(cell);
+        let (fine, canvas) = (self.fine(), self.canvas());
+        let cell = |at: f32| (((at + 0.5) * fine as f32 / canvas.side as f32) as usize).min(fine - 1);
+        let [x, y] = self.part.told_click(click.at_px, canvas).map(cell);
         answer.logits[y * fine + x]
     }
 
     /// Logits of an answer at the size of the part, row by row.
     pub(super) fn enlarged(&self, answer: &Answer) -> Vec<f32> {
-        enlarged(&answer.logits, self.fine(), self.part, self.side())
+        enlarged(&answer.logits, self.fine(), self.part, self.canvas())
     }
 
     /// The pixels inside an answer.
@@ -219,14 +227,13 @@ pub(super) fn bytes_of(decoder: &Decoder) -> usize {
     (channels * cells * cells + KNOWN * decoder.fine() * decoder.fine()) * size_of::<f32>()
 }
 
-/// Of several masks the first is for clear questions, the others for ambiguous ones; a network that gives one chose.
-fn chosen(mut answers: Vec<Answer>, is_ambiguous: bool) -> Result<Answer, MaskError> {
-    if answers.len() > 1 && is_ambiguous {
-        answers.remove(0);
-        // Stable: of equal scores the first is taken.
-        answers.sort_by(|a, b| b.score.total_cmp(&a.score));
-    }
-    answers.into_iter().next().ok_or_else(|| MaskError::Network("the network gives no mask".into()))
+/// The mask for a clear question, or the surest of those for an ambiguous one; a network that gives one chose.
+fn chosen(Answers { clear, mut others }: Answers, is_ambiguous: bool) -> Result<Answer, MaskError> {
+    // Stable: of equal scores the first is taken.
+    others.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let surest = others.into_iter().next();
+    let answer = if is_ambiguous { surest.or(clear) } else { clear.or(surest) };
+    answer.ok_or_else(|| MaskError::Network("the network gives no mask".into()))
 }
 
 /// What was clicked is as the click says, whatever the network thinks: the pixel and those that touch it.

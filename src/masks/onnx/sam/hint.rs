@@ -1,3 +1,4 @@
+use super::canvas::Canvas;
 use super::part::Part;
 use crate::masks::Region;
 
@@ -6,15 +7,16 @@ const SAMPLES: usize = 4;
 /// Logit of a cell that lies inside as a whole, about as sure as the network's own answers are.
 const SURE: f32 = 10.0;
 
-/// A region of the picture as logits that the decoder can refine: `fine · fine` of its square of `side` pixels, from
-/// how much of each cell is inside.
-pub(super) fn hint(region: &Region, part: Part, side: usize, fine: usize) -> Vec<f32> {
-    let (columns, rows) = part.shown(side);
+/// A region of the picture as logits that the decoder can refine: `fine · fine` of its square, from how much of each cell
+/// is inside.
+pub(super) fn hint(region: &Region, part: Part, canvas: Canvas, fine: usize) -> Vec<f32> {
+    let (columns, rows) = part.shown(canvas);
     let steps = fine * SAMPLES;
     // Pixel of the picture under each sample along an axis; none in the padding.
     let along = |first: u32, count: u32, shown: usize| -> Vec<Option<u32>> {
-        let pixel =
-            |at: usize| ((at as f64 + 0.5) * side as f64 / steps as f64 * f64::from(count) / shown as f64) as u32;
+        let pixel = |at: usize| {
+            ((at as f64 + 0.5) * canvas.side as f64 / steps as f64 * f64::from(count) / shown as f64) as u32
+        };
         (0..steps).map(|at| Some(pixel(at)).filter(|&pixel| pixel < count).map(|pixel| first + pixel)).collect()
     };
     let (across, down) = (along(part.x, part.width, columns), along(part.y, part.height, rows));

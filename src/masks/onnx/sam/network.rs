@@ -3,7 +3,8 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::decoder::Decoder;
+use super::canvas::Canvas;
+use super::decoder::{Decoder, Dialect};
 use super::embedding::Embedding;
 use super::frame::{SamFrame, bytes_of};
 use super::part::Part;
@@ -25,7 +26,7 @@ const MEAN: [f32; 3] = [123.675, 116.28, 103.53];
 const DEVIATION: [f32; 3] = [58.395, 57.12, 57.375];
 
 impl Sam {
-    /// The networks `sam-vit-b`, or another of the catalogue with the same inputs, of a folder of networks.
+    /// The networks `sam-vit-b`, `mobile-sam` or `efficient-sam` of a folder of networks.
     ///
     /// # Errors
     /// When it is not installed there, does not load, or ONNX Runtime is missing.
@@ -36,21 +37,27 @@ impl Sam {
     }
 
     /// Of an encoder `image` [1, 3, side, side] → `image_embeddings` [1, channels, cells, cells] and a decoder with the
-    /// inputs and outputs of the official export.
+    /// inputs and outputs of the official export; or of both with those of the official export of `EfficientSAM`, whose
+    /// encoder takes `batched_images` [1, 3, rows, columns] of any size.
     ///
     /// # Errors
     /// [`NnError::Mismatch`] where the two do not belong together.
     pub fn new(encoder: Network, decoder: Network) -> Result<Self, NnError> {
-        let side = square(encoder.signature(), "image", 3);
-        let mismatch = |network: &Network, what: &str| {
-            Err(NnError::Mismatch { path: network.path().to_owned(), what: what.to_owned() })
+        let decoder = Decoder::new(decoder)?;
+        let side = decoder.canvas().side;
+        let (fits, expected) = match decoder.dialect() {
+            Dialect::Sam => {
+                (takes(encoder.signature(), "image", [Some(side); 2]), format!("`image` f32 [1, 3, {side}, {side}]"))
+            }
+            Dialect::Efficient => (
+                takes(encoder.signature(), "batched_images", [None; 2]),
+                "`batched_images` f32 [1, 3, any, any]".to_owned(),
+            ),
         };
-        let Some(side) = side else {
-            return mismatch(&encoder, "expected the only input `image` f32 [1, 3, side, side]");
-        };
-        let Some(decoder) = Decoder::new(decoder, side)? else {
-            return mismatch(&encoder, "does not give what the decoder takes");
-        };
+        if !fits {
+            let what = format!("expected the only input {expected}, which goes with the decoder");
+            return Err(NnError::Mismatch { path: encoder.path().to_owned(), what });
+        }
         Ok(Self { encoder, decoder: Arc::new(decoder) })
     }
 
@@ -63,7 +70,7 @@ impl Sam {
     /// Pixels along each side of the square that the encoder sees; larger pictures are shrunk to it.
     #[must_use]
     pub fn side(&self) -> usize {
-        self.decoder.side()
+        self.decoder.canvas().side
     }
 
     /// Embeds a part of a picture; a small one shows the network more of thin things than the whole picture does.
@@ -78,11 +85,14 @@ impl Sam {
             return Err(MaskError::Request(format!("{part} are not in the picture of {width}×{height}; ask for less")));
         }
         progress.step(0, 2)?;
-        let side = self.side();
-        let input = Tensor::floats(&[1, 3, side, side], fed(image, part, side)).map_err(told)?;
+        let (name, input) = match self.decoder.dialect() {
+            Dialect::Sam => ("image", fed(image, part, self.decoder.canvas())),
+            Dialect::Efficient => ("batched_images", fed_whole(image, part)),
+        };
+        let input = input.map_err(told)?;
         progress.step(1, 2)?;
         let is_wanted = || progress.check().is_ok();
-        let Some(given) = self.encoder.run_while(&[("image", &input)], &is_wanted).map_err(told)? else {
+        let Some(given) = self.encoder.run_while(&[(name, &input)], &is_wanted).map_err(told)? else {
             return Err(Stopped.into());
         };
         let (channels, cells) = self.decoder.embedding();
@@ -130,24 +140,29 @@ pub(super) fn told(error: NnError) -> MaskError {
     MaskError::Network(error.to_string())
 }
 
-/// Side of the only input where it is a square of that many channels.
-fn square(signature: &Signature, name: &str, channels: usize) -> Option<usize> {
-    let [port] = signature.inputs.as_slice() else { return None };
-    match port.shape.as_slice() {
-        [_, Some(planes), Some(rows), Some(columns)] if port.name == name => {
-            (*planes == channels && rows == columns).then_some(*rows)
-        }
-        _ => None,
-    }
+/// Whether the only input is a picture of three colours with that many rows and columns, `None` = any.
+fn takes(signature: &Signature, name: &str, size: [Option<usize>; 2]) -> bool {
+    let [port] = signature.inputs.as_slice() else { return false };
+    port.name == name && matches!(port.shape.as_slice(), [_, Some(3), rows, columns] if [*rows, *columns] == size)
 }
 
-/// The part as the encoder takes it: its longer side `side` pixels, normalised, then zeros to the right and below.
-pub(super) fn fed(image: &Image, part: Part, side: usize) -> Vec<f32> {
-    let (width, columns) = (image.width as usize, part.width as usize);
-    let rows = image.pixels.chunks_exact(width).skip(part.y as usize).take(part.height as usize);
-    let pixels: Vec<[u8; 3]> = rows.flat_map(|row| &row[part.x as usize..][..columns]).copied().collect();
-    let shown = part.shown(side);
-    let small = resized(&pixels, (columns, part.height as usize), shown);
+/// The pixels of a part, row by row.
+fn pixels(image: &Image, part: Part) -> Vec<[u8; 3]> {
+    let rows = image.pixels.chunks_exact(image.width as usize).skip(part.y as usize).take(part.height as usize);
+    rows.flat_map(|row| &row[part.x as usize..][..part.width as usize]).copied().collect()
+}
+
+/// The part as `EfficientSAM` takes it, which fits it to its square itself: colours from 0 to 1.
+fn fed_whole(image: &Image, part: Part) -> Result<Tensor, NnError> {
+    let pixels = pixels(image, part);
+    let plane = |channel: usize| pixels.iter().map(move |pixel| f32::from(pixel[channel]) / 255.0);
+    Tensor::floats(&[1, 3, part.height as usize, part.width as usize], (0..3).flat_map(plane).collect())
+}
+
+/// The part as the encoder takes it: its longer side as long as the square, normalised, then zeros to the right and below.
+fn fed(image: &Image, part: Part, canvas: Canvas) -> Result<Tensor, NnError> {
+    let (shown, side) = (part.shown(canvas), canvas.side);
+    let small = resized(&pixels(image, part), (part.width as usize, part.height as usize), shown);
     let mut planes = vec![0.0; 3 * side * side];
     planes.par_chunks_mut(side).enumerate().for_each(|(line, out)| {
         let (channel, row) = (line / side, line % side);
@@ -156,5 +171,5 @@ pub(super) fn fed(image: &Image, part: Part, side: usize) -> Vec<f32> {
             out.iter_mut().zip(values).for_each(|(out, value)| *out = (value - MEAN[channel]) / DEVIATION[channel]);
         }
     });
-    planes
+    Tensor::floats(&[1, 3, side, side], planes)
 }

@@ -58,7 +58,7 @@ impl<'a> Objects<'a> {
                 let middle = deepest_point(&part).map(|(x, y)| glam::DVec2::new(x.into(), y.into()) + 0.5);
                 told.extend(middle.map(|at_px| Click { at_px, include: true }));
             }
-            let logits = hint(&part, frame.part(), frame.side(), frame.fine());
+            let logits = hint(&part, frame.part(), frame.canvas(), frame.fine());
             let told = told.into_iter().filter(|click| frame.part().holds(click.at_px)).collect();
             Object { within: None, told, answer: Arc::new(Answer { logits, score: 0.0 }), given: Some(part) }
         };

@@ -1,5 +1,6 @@
 use glam::DVec2;
 
+use super::canvas::Canvas;
 use crate::masks::{Prompt, PxBox, Region};
 
 /// The part of a picture that the network looks at, in whole pixels.
@@ -74,27 +75,31 @@ impl Part {
         region
     }
 
-    /// Columns and rows that it takes of the network's square of `side` pixels.
-    pub(super) fn shown(&self, side: usize) -> (usize, usize) {
+    /// Columns and rows that it takes of the network's square.
+    pub(super) fn shown(&self, canvas: Canvas) -> (usize, usize) {
+        let side = canvas.side;
+        if canvas.is_filled {
+            return (side, side);
+        }
         let scale = side as f64 / f64::from(self.width.max(self.height));
         let shown = |count: u32| ((f64::from(count) * scale + 0.5) as usize).max(1);
         (shown(self.width), shown(self.height))
     }
 
     /// Where a click is told to the network: pixels of its square, counted from the middle of the first.
-    pub(super) fn told_click(&self, at_px: DVec2, side: usize) -> [f32; 2] {
-        self.told(at_px - 0.5, side)
+    pub(super) fn told_click(&self, at_px: DVec2, canvas: Canvas) -> [f32; 2] {
+        self.told(at_px - 0.5, canvas)
     }
 
     /// Where the corners of a box, cut to the part, are told: the middles of its first and of its last pixel.
-    pub(super) fn told_box(&self, within: &PxBox, side: usize) -> [[f32; 2]; 2] {
+    pub(super) fn told_box(&self, within: &PxBox, canvas: Canvas) -> [[f32; 2]; 2] {
         let end = self.origin() + DVec2::new(self.width.into(), self.height.into());
         let cut = |corner: DVec2| corner.clamp(self.origin(), end);
-        [self.told(cut(within.min_px), side), self.told(cut(within.max_px) - 1.0, side)]
+        [self.told(cut(within.min_px), canvas), self.told(cut(within.max_px) - 1.0, canvas)]
     }
 
-    fn told(&self, index_px: DVec2, side: usize) -> [f32; 2] {
-        let (columns, rows) = self.shown(side);
+    fn told(&self, index_px: DVec2, canvas: Canvas) -> [f32; 2] {
+        let (columns, rows) = self.shown(canvas);
         let scale = DVec2::new(columns as f64 / f64::from(self.width), rows as f64 / f64::from(self.height));
         ((index_px - self.origin()) * scale).as_vec2().to_array()
     }

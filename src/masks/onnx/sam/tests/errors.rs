@@ -16,7 +16,12 @@ fn networks_that_do_not_belong_together_are_refused() {
     let Some(runtime) = runtime() else { return };
     let load = |file: &str| Network::load(&runtime, &tiny().join(file), None).unwrap();
     let (encoder, decoder) = ("sam-tiny-encoder.onnx", "sam-tiny-decoder.onnx");
-    for (first, second, told) in [(decoder, encoder, "`image` f32"), (encoder, encoder, "`image_embeddings`")] {
+    let cases = [
+        (decoder, encoder, "`image_embeddings`"),
+        (encoder, encoder, "`image_embeddings`"),
+        (decoder, decoder, "`image` f32 [1, 3, 256, 256]"),
+    ];
+    for (first, second, told) in cases {
         let text = Sam::new(load(first), load(second)).unwrap_err().to_string();
         assert!(text.contains(told) && text.contains("another network") && !text.contains('\n'), "{text}");
     }

@@ -14,9 +14,23 @@ fn tiny() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/sam-tiny")
 }
 
+/// The same with the interface of `EfficientSAM` (`tests/parity/efficient_sam.py`).
+fn tiny_efficient() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/efficient-sam-tiny")
+}
+
 /// Networks that see flat colours.
 fn flat() -> Option<Sam> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/sam-flat");
+    of_flat_colours("sam-flat")
+}
+
+/// The same with the interface of `EfficientSAM`.
+fn flat_efficient() -> Option<Sam> {
+    of_flat_colours("efficient-sam-flat")
+}
+
+fn of_flat_colours(folder: &str) -> Option<Sam> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity").join(folder);
     networks(&folder, "encoder.onnx", "decoder.onnx")
 }
 

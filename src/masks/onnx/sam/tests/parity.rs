@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::super::decoder::Answer;
 use super::super::{Part, Sam, SamFrame};
-use super::{networks, tiny};
+use super::{networks, tiny, tiny_efficient};
 use crate::engine::job::Progress;
 use crate::frames::Image;
 use crate::masks::{Click, PxBox};
@@ -126,41 +126,48 @@ fn compare(folder: &Folder, of: &FrameReference, sam: &Sam, image: &Image, shift
     (embedded, answered)
 }
 
-/// The folder committed here, or the one that `OSTRA_PARITY_SAM` names.
-fn folder() -> Folder {
-    Folder::open(&std::env::var_os("OSTRA_PARITY_SAM").map_or_else(tiny, PathBuf::from))
+/// The folders committed here, or those that `OSTRA_PARITY_SAM` and `OSTRA_PARITY_EFFICIENT_SAM` name.
+fn folders() -> [Folder; 2] {
+    let named = |variable: &str, committed: fn() -> PathBuf| {
+        Folder::open(&std::env::var_os(variable).map_or_else(committed, PathBuf::from))
+    };
+    [named("OSTRA_PARITY_SAM", tiny), named("OSTRA_PARITY_EFFICIENT_SAM", tiny_efficient)]
 }
 
 #[test]
 fn every_tensor_is_that_of_the_reference() {
-    let folder = folder();
-    let Some(sam) = folder.networks() else { return };
-    for of in &folder.reference.frames {
-        let (embedded, answered) = compare(&folder, of, &sam, &folder.picture(&of.picture), 0.0);
-        let covers: Vec<f64> = of.cases.iter().map(|case| case.covers).collect();
-        println!("{}: embedding {embedded:.1e}, answers {answered:.1e}; masks cover {covers:.2?}", of.picture);
-        assert!(embedded < TOLERANCE && answered < TOLERANCE, "{}: {embedded} {answered}", of.picture);
-        assert!(covers.iter().all(|share| (0.02..=0.6).contains(share)), "an empty or full mask proves nothing");
+    for folder in folders() {
+        let Some(sam) = folder.networks() else { return };
+        for of in &folder.reference.frames {
+            let (embedded, answered) = compare(&folder, of, &sam, &folder.picture(&of.picture), 0.0);
+            let covers: Vec<f64> = of.cases.iter().map(|case| case.covers).collect();
+            let what = format!("{}, {}", folder.reference.encoder, of.picture);
+            println!("{what}: embedding {embedded:.1e}, answers {answered:.1e}; masks cover {covers:.2?}");
+            assert!(embedded < TOLERANCE && answered < TOLERANCE, "{what}: {embedded} {answered}");
+            assert!(covers.iter().all(|share| (0.02..=0.6).contains(share)), "an empty or full mask proves nothing");
+        }
     }
 }
 
 #[test]
 fn blue_for_red_and_half_a_pixel_are_noticed() {
-    let folder = Folder::open(&tiny());
-    let Some(sam) = folder.networks() else { return };
-    let of = &folder.reference.frames[0];
-    let right = folder.picture(&of.picture);
-    let swapped = Image { pixels: right.pixels.iter().map(|&[r, g, b]| [b, g, r]).collect(), ..right.clone() };
-    let (embedded, _) = compare(&folder, of, &sam, &swapped, 0.0);
-    assert!(embedded > 10.0 * TOLERANCE, "blue for red: {embedded}");
-    let mut shifted = right.clone();
-    for (row, from) in shifted.pixels.chunks_exact_mut(300).zip(right.pixels.chunks_exact(300)) {
-        for x in 0..299 {
-            row[x] = std::array::from_fn(|channel| from[x][channel].midpoint(from[x + 1][channel]));
+    for committed in [tiny(), tiny_efficient()] {
+        let folder = Folder::open(&committed);
+        let Some(sam) = folder.networks() else { return };
+        let of = &folder.reference.frames[0];
+        let right = folder.picture(&of.picture);
+        let swapped = Image { pixels: right.pixels.iter().map(|&[r, g, b]| [b, g, r]).collect(), ..right.clone() };
+        let (embedded, _) = compare(&folder, of, &sam, &swapped, 0.0);
+        assert!(embedded > 10.0 * TOLERANCE, "blue for red: {embedded}");
+        let mut shifted = right.clone();
+        for (row, from) in shifted.pixels.chunks_exact_mut(300).zip(right.pixels.chunks_exact(300)) {
+            for x in 0..299 {
+                row[x] = std::array::from_fn(|channel| from[x][channel].midpoint(from[x + 1][channel]));
+            }
         }
+        let (embedded, _) = compare(&folder, of, &sam, &shifted, 0.0);
+        assert!(embedded > 10.0 * TOLERANCE, "the picture half a pixel to the left: {embedded}");
+        let (_, answered) = compare(&folder, of, &sam, &right, 0.5);
+        assert!(answered > 10.0 * TOLERANCE, "clicks half a pixel to the right: {answered}");
     }
-    let (embedded, _) = compare(&folder, of, &sam, &shifted, 0.0);
-    assert!(embedded > 10.0 * TOLERANCE, "the picture half a pixel to the left: {embedded}");
-    let (_, answered) = compare(&folder, of, &sam, &right, 0.5);
-    assert!(answered > 10.0 * TOLERANCE, "clicks half a pixel to the right: {answered}");
 }

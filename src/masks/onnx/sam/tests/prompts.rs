@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use super::super::{CloseUps, EverythingOptions, Part, Sam, SamFrame};
-use super::flat;
+use super::{flat, flat_efficient};
 use crate::engine::job::Progress;
 use crate::frames::Image;
 use crate::masks::{Click, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
@@ -225,4 +225,38 @@ fn everything_is_found_once() {
     let stopped = Progress::default();
     stopped.stop();
     assert!(frame.everything(&options, &stopped).is_err());
+}
+
+/// Of the masks that a network without exclude clicks gives, one that leaves them out is taken.
+#[test]
+fn exclude_click_chooses_where_the_network_knows_none() {
+    let Some(sam) = flat_efficient() else { return };
+    let frame = frame(&sam, Part::whole(WIDTH, HEIGHT));
+    let all = answer(&frame, &[IN_RED], &[], None);
+    assert_eq!(all.area(), (WIDTH * HEIGHT) as usize, "the surest");
+    let found = answer(&frame, &[IN_RED, click(180.5, 80.5, false)], &[], None);
+    assert!(alike(&found, &thing(RED)), "{}", found.iou(&thing(RED)));
+}
+
+/// Where none leaves it out, what a click there would find is taken away, unless it is most of the answer.
+#[test]
+fn excluded_thing_is_taken_away_where_the_network_knows_none() {
+    let Some(sam) = flat_efficient() else { return };
+    let frame = frame(&sam, Part::whole(WIDTH, HEIGHT));
+    let around_both = [PxBox { min_px: DVec2::new(16.0, 16.0), max_px: DVec2::new(240.0, 160.0) }];
+    let found = answer(&frame, &[], &around_both, None);
+    assert!(alike(&found, &both()), "{}", found.iou(&both()));
+    let found = answer(&frame, &[click(50.5, 60.5, false)], &around_both, None);
+    assert!(alike(&found, &thing(GREEN)), "{}", found.iou(&thing(GREEN)));
+    let kept = answer(&frame, &[click(180.5, 80.5, false)], &around_both, None);
+    assert!(kept.iou(&both()) > 0.9 && !kept.at(180, 80), "the green one is most of it: only the pixel goes");
+}
+
+/// A part fills the square whatever its shape, and positions go with it.
+#[test]
+fn close_up_fills_the_square_of_a_network_that_squeezes() {
+    let Some(sam) = flat_efficient() else { return };
+    let frame = frame(&sam, Part { x: 16, y: 16, width: 96, height: 128 });
+    let found = answer(&frame, &[IN_RED, click(100.5, 120.5, false)], &[], None);
+    assert!(alike(&found, &thing(RED)), "{}", found.iou(&thing(RED)));
 }

@@ -1,0 +1,53 @@
+//! Exclude clicks for a network that knows none: of its masks one that leaves them out is taken, and where none does, what
+//! a click on that place would find is taken away.
+
+use super::decoder::Answer;
+use super::frame::SamFrame;
+use crate::masks::{Click, MaskError, PxBox};
+
+impl SamFrame {
+    /// The mask for clicks and a box, or `before` where all that is told is what is outside.
+    pub(super) fn heeding(
+        &self,
+        clicks: &[Click],
+        within: Option<&PxBox>,
+        before: Option<&Answer>,
+    ) -> Result<Answer, MaskError> {
+        let is_asked = within.is_some() || clicks.iter().any(|click| click.include);
+        let found = if is_asked { self.masks(clicks, within)?.others } else { before.cloned().into_iter().collect() };
+        let none = || MaskError::Network("the network gives no mask".into());
+        let mut answer = self.most_heeding(found, clicks).ok_or_else(none)?;
+        for click in clicks.iter().filter(|click| !click.include) {
+            if self.logit_at(&answer, click) > 0.0
+                && let Some(other) = self.excluded(click, clicks, &answer)?
+            {
+                let logits = answer.logits.iter_mut().zip(&other.logits);
+                logits.for_each(|(logit, other)| *logit = logit.min(-other));
+            }
+        }
+        Ok(answer)
+    }
+
+    /// Of several masks the one that obeys most clicks, of equal ones the surest.
+    fn most_heeding(&self, found: Vec<Answer>, clicks: &[Click]) -> Option<Answer> {
+        let obeyed = |answer: &Answer| {
+            clicks.iter().filter(|click| (self.logit_at(answer, click) > 0.0) == click.include).count()
+        };
+        let ranked = found.into_iter().map(|answer| (obeyed(&answer), answer));
+        let better = |a: &(usize, Answer), b: &(usize, Answer)| b.0.cmp(&a.0).then(b.1.score.total_cmp(&a.1.score));
+        ranked.min_by(better).map(|(_, answer)| answer)
+    }
+
+    /// What lies at an exclude click, holds no include click, and is no more than half of the answer.
+    fn excluded(&self, at: &Click, clicks: &[Click], answer: &Answer) -> Result<Option<Answer>, MaskError> {
+        let at = Click { include: true, ..*at };
+        let mut found = self.masks_at(at)?;
+        found.retain(|other| {
+            let is_in = |click: &Click| self.logit_at(other, click) > 0.0;
+            let inside = answer.logits.iter().zip(&other.logits).filter(|(answer, _)| **answer > 0.0);
+            let taken = inside.clone().filter(|(_, other)| **other > 0.0).count();
+            is_in(&at) && !clicks.iter().filter(|click| click.include).any(is_in) && 2 * taken <= inside.count()
+        });
+        Ok(self.most_heeding(found, &[at]))
+    }
+}
