@@ -97,14 +97,11 @@ class Asked:
         )
         masks, scores = masks[0, 0], scores[0, 0]
         large = torch.nn.functional.interpolate(masks[None], (height, width), mode="bilinear")[0]
-        cells = masks.shape[-1]
-        inside = [
-            sum(
-                bool(mask[int((y + 0.5) / height * cells), int((x + 0.5) / width * cells)] > 0)
-                for x, y, _ in prompt["clicks"]
-            )
-            for mask in masks
-        ]
+        cells, side = masks.shape[-1], self.model.image_encoder.img_size
+        # The cell of a click, whose middle is told in pixels of the square.
+        cell = lambda at, size: int((at * side / size + 0.5) * cells / side)  # noqa: E731
+        clicked = [(cell(y, height), cell(x, width)) for x, y, _ in prompt["clicks"]]
+        inside = [sum(bool(mask[at] > 0) for at in clicked) for mask in masks]
         best = max(range(len(masks)), key=lambda k: (inside[k], float(scores[k])))
         covers = float((large[best] > 0).float().mean())
         chosen = {"low": masks[best], "logits": large[best], "iou": float(scores[best]), "covers": covers}
