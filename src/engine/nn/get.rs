@@ -48,10 +48,10 @@ pub fn install(
     } else {
         urls.into_iter().map(|(url, file)| download(entry, file, url, &downloads, told)).collect::<Result<_, _>>()?
     };
-    let added = add(catalogue, folder, name, &files)?;
-    // What is left there does no harm.
+    let added = add(catalogue, folder, name, &files);
+    // Also what was refused, so that it is not taken for the file again; what is left there does no harm.
     let _ = fs::remove_dir_all(&downloads);
-    Ok(added)
+    added
 }
 
 fn download(

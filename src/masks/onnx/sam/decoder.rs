@@ -50,7 +50,7 @@ pub(super) enum PointKind {
 }
 
 /// What a question may mean.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Answers {
     /// The mask for clear questions; `None` of a network that leaves the choice.
     pub clear: Option<Answer>,
@@ -65,6 +65,8 @@ pub(super) struct Answer {
     pub logits: Vec<f32>,
     /// Predicted IoU.
     pub score: f32,
+    /// Whether it stands for a mask from elsewhere, which the network had no part in.
+    pub is_given: bool,
 }
 
 impl Question {
@@ -88,10 +90,6 @@ impl PointKind {
 
     fn is_corner(self) -> bool {
         matches!(self, Self::FirstCorner | Self::LastCorner)
-    }
-
-    fn is_understood_without_excludes(self) -> bool {
-        self.is_corner() || self == Self::Include
     }
 }
 
@@ -168,15 +166,15 @@ impl Decoder {
     fn run_efficient(&self, embedding: &Tensor, asked: &Question) -> Result<Answers, MaskError> {
         // Masks come at the size that points are told in: at that of the logits nothing is resampled.
         let (fine, side) = (self.fine(), self.canvas().side);
-        let understood =
-            asked.points.iter().zip(&asked.kinds).filter(|(_, kind)| kind.is_understood_without_excludes());
-        let (corners, clicks): (Vec<_>, Vec<_>) = understood.partition(|(_, kind)| kind.is_corner());
+        let all = || asked.points.iter().zip(&asked.kinds);
+        let corners: Vec<_> = all().filter(|(_, kind)| kind.is_corner()).collect();
+        let clicks: Vec<_> = all().filter(|(_, kind)| **kind == PointKind::Include).collect();
         let latest = &clicks[clicks.len().saturating_sub(MOST_TOLD - corners.len())..];
-        let told_of: Vec<_> = corners.iter().chain(latest).collect();
-        let points = told_of.iter().flat_map(|(at, _)| at.map(|at| at * (fine as f32 / side as f32))).collect();
-        let kinds = told_of.iter().map(|(_, kind)| kind.number()).collect();
-        let points = floats(&[1, 1, told_of.len(), 2], points)?;
-        let kinds = floats(&[1, 1, told_of.len()], kinds)?;
+        let heeded: Vec<_> = corners.iter().chain(latest).collect();
+        let points = heeded.iter().flat_map(|(at, _)| at.map(|at| at * (fine as f32 / side as f32))).collect();
+        let kinds = heeded.iter().map(|(_, kind)| kind.number()).collect();
+        let points = floats(&[1, 1, heeded.len(), 2], points)?;
+        let kinds = floats(&[1, 1, heeded.len()], kinds)?;
         let size = Tensor::integers(&[2], vec![fine as i64; 2]).map_err(told)?;
         let fed = [
             ("image_embeddings", embedding),
@@ -200,7 +198,7 @@ impl Decoder {
         });
         let path = self.network.path().display();
         let unfit = || MaskError::Network(format!("{path}: gives no masks of {fine}×{fine} with their scores"));
-        let answer = |(logits, &score): (&[f32], &f32)| Answer { logits: logits.to_vec(), score };
+        let answer = |(logits, &score): (&[f32], &f32)| Answer { logits: logits.to_vec(), score, is_given: false };
         Ok(all.ok_or_else(unfit)?.map(answer).collect())
     }
 }

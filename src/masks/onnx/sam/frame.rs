@@ -68,7 +68,7 @@ impl SamFrame {
     }
 
     /// The answer for one object. A single click is ambiguous: of its three masks the one with the highest predicted
-    /// IoU is taken, of more prompts the one mask made for them.
+    /// IoU is taken, of more prompts the one mask made for them, where the network makes one.
     pub(super) fn ask(
         &self,
         clicks: &[Click],
@@ -94,7 +94,7 @@ impl SamFrame {
                 let logits = before.map(|answer| answer.logits.as_slice());
                 chosen(self.decoder.run(&self.embedding, &question, logits)?, is_ambiguous)?
             }
-            Dialect::Efficient => self.heeding(clicks, within, before.map(|before| &**before))?,
+            Dialect::Efficient => self.heed(clicks, within, before.map(|before| &**before))?,
         });
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         known.push_back((Asked { question, before: before.cloned() }, Arc::clone(&answer)));

@@ -6,15 +6,19 @@ use super::frame::SamFrame;
 use crate::masks::{Click, MaskError, PxBox};
 
 impl SamFrame {
-    /// The mask for clicks and a box, or `before` where all that is told is what is outside.
-    pub(super) fn heeding(
+    /// The mask for clicks and a box; `before`, less what is outside, where that is from elsewhere and holds all that is
+    /// to be inside.
+    pub(super) fn heed(
         &self,
         clicks: &[Click],
         within: Option<&PxBox>,
         before: Option<&Answer>,
     ) -> Result<Answer, MaskError> {
-        let is_asked = within.is_some() || clicks.iter().any(|click| click.include);
-        let found = if is_asked { self.masks(clicks, within)?.others } else { before.cloned().into_iter().collect() };
+        let holds_all = |answer: &&Answer| self.obeyed(answer, clicks, true) == includes(clicks).count();
+        let found = match before.filter(|before| before.is_given).filter(holds_all) {
+            Some(before) => vec![before.clone()],
+            None => self.masks(clicks, within)?.others,
+        };
         let none = || MaskError::Network("the network gives no mask".into());
         let mut answer = self.most_heeding(found, clicks).ok_or_else(none)?;
         for click in clicks.iter().filter(|click| !click.include) {
@@ -28,14 +32,20 @@ impl SamFrame {
         Ok(answer)
     }
 
-    /// Of several masks the one that obeys most clicks, of equal ones the surest.
+    /// Of several masks the one that holds most of what is to be inside, of equal ones that which leaves out most of what
+    /// is to be outside, of equal ones the surest.
     fn most_heeding(&self, found: Vec<Answer>, clicks: &[Click]) -> Option<Answer> {
-        let obeyed = |answer: &Answer| {
-            clicks.iter().filter(|click| (self.logit_at(answer, click) > 0.0) == click.include).count()
-        };
-        let ranked = found.into_iter().map(|answer| (obeyed(&answer), answer));
-        let better = |a: &(usize, Answer), b: &(usize, Answer)| b.0.cmp(&a.0).then(b.1.score.total_cmp(&a.1.score));
+        let ranked =
+            found.into_iter().map(|answer| ([true, false].map(|kind| self.obeyed(&answer, clicks, kind)), answer));
+        let better =
+            |a: &([usize; 2], Answer), b: &([usize; 2], Answer)| b.0.cmp(&a.0).then(b.1.score.total_cmp(&a.1.score));
         ranked.min_by(better).map(|(_, answer)| answer)
+    }
+
+    /// How many clicks of a kind an answer obeys.
+    fn obeyed(&self, answer: &Answer, clicks: &[Click], include: bool) -> usize {
+        let of_kind = clicks.iter().filter(|click| click.include == include);
+        of_kind.filter(|click| (self.logit_at(answer, click) > 0.0) == include).count()
     }
 
     /// What lies at an exclude click, holds no include click, and is no more than half of the answer.
@@ -46,8 +56,12 @@ impl SamFrame {
             let is_in = |click: &Click| self.logit_at(other, click) > 0.0;
             let inside = answer.logits.iter().zip(&other.logits).filter(|(answer, _)| **answer > 0.0);
             let taken = inside.clone().filter(|(_, other)| **other > 0.0).count();
-            is_in(&at) && !clicks.iter().filter(|click| click.include).any(is_in) && 2 * taken <= inside.count()
+            is_in(&at) && !includes(clicks).any(is_in) && 2 * taken <= inside.count()
         });
         Ok(self.most_heeding(found, &[at]))
     }
+}
+
+fn includes(clicks: &[Click]) -> impl Iterator<Item = &Click> {
+    clicks.iter().filter(|click| click.include)
 }

@@ -87,7 +87,7 @@ impl Sam {
         progress.step(0, 2)?;
         let (name, input) = match self.decoder.dialect() {
             Dialect::Sam => ("image", fed(image, part, self.decoder.canvas())),
-            Dialect::Efficient => ("batched_images", fed_whole(image, part)),
+            Dialect::Efficient => ("batched_images", fed_unscaled(image, part)),
         };
         let input = input.map_err(told)?;
         progress.step(1, 2)?;
@@ -153,7 +153,7 @@ fn pixels(image: &Image, part: Part) -> Vec<[u8; 3]> {
 }
 
 /// The part as `EfficientSAM` takes it, which fits it to its square itself: colours from 0 to 1.
-fn fed_whole(image: &Image, part: Part) -> Result<Tensor, NnError> {
+fn fed_unscaled(image: &Image, part: Part) -> Result<Tensor, NnError> {
     let pixels = pixels(image, part);
     let plane = |channel: usize| pixels.iter().map(move |pixel| f32::from(pixel[channel]) / 255.0);
     Tensor::floats(&[1, 3, part.height as usize, part.width as usize], (0..3).flat_map(plane).collect())

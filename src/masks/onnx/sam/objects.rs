@@ -60,7 +60,12 @@ impl<'a> Objects<'a> {
             }
             let logits = hint(&part, frame.part(), frame.canvas(), frame.fine());
             let told = told.into_iter().filter(|click| frame.part().holds(click.at_px)).collect();
-            Object { within: None, told, answer: Arc::new(Answer { logits, score: 0.0 }), given: Some(part) }
+            Object {
+                within: None,
+                told,
+                answer: Arc::new(Answer { logits, score: 0.0, is_given: true }),
+                given: Some(part),
+            }
         };
         let excludes = clicks.iter().filter(|click| !click.include).copied().collect();
         let kept = Region::empty(region.width, region.height);

@@ -117,7 +117,9 @@ pub fn search_consistent<P: Passes>(
     level.hints = hints(search, round, level.step);
     let mut field = Field::new(start.width, start.height);
     for (at, (&plane, &cost)) in start.planes.iter().zip(&start.costs).enumerate() {
-        let cost = if plane.inverse_depth > 0.0 { cost } else { super::ncc::WORST };
+        // In bytes by now and at most 1 (`DepthEstimate::found`), which tells the best around a pixel well enough.
+        let is_searched = plane.inverse_depth > 0.0 && search.allowed.is_none_or(|allowed| allowed[at]);
+        let cost = if is_searched { cost } else { super::ncc::WORST };
         field.set(at % start.width, at / start.width, plane, cost);
     }
     let mut field = passes.begin(&level, field)?;

@@ -50,7 +50,7 @@ struct Place {
     shape: Vec<usize>,
 }
 
-/// A folder that `tests/parity/sam.py` wrote.
+/// A folder that `tests/parity/sam.py` or `efficient_sam.py` wrote.
 struct Folder {
     path: PathBuf,
     reference: Reference,

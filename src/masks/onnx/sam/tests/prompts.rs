@@ -260,3 +260,16 @@ fn close_up_fills_the_square_of_a_network_that_squeezes() {
     let found = answer(&frame, &[IN_RED, click(100.5, 120.5, false)], &[], None);
     assert!(alike(&found, &thing(RED)), "{}", found.iou(&thing(RED)));
 }
+
+/// A mask that was painted or tracked is not thrown away for what the network thinks of its middle.
+#[test]
+fn excluded_thing_leaves_a_mask_from_elsewhere_where_the_network_knows_no_excludes() {
+    let Some(sam) = flat_efficient() else { return };
+    let frame = frame(&sam, Part::whole(WIDTH, HEIGHT));
+    let mut painted = thing([32, 32, 240, 176]);
+    painted.subtract(&thing([100, 32, 140, 90]));
+    let mut expected = painted.clone();
+    expected.subtract(&thing(RED));
+    let found = answer(&frame, &[click(50.5, 60.5, false)], &[], Some(&painted));
+    assert!(alike(&found, &expected), "{}", found.iou(&expected));
+}
