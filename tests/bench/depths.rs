@@ -75,7 +75,13 @@ fn score(root: &str, dir: &Path, reference: &Path, within: &str) {
     let score: Value = serde_json::from_str(said.lines().last().unwrap()).unwrap();
     println!("  {} points", score["result_points"]);
     for at in score["surface"].as_array().unwrap() {
-        println!("  within {}: complete {}, in depth {}", at["within"], at["completeness"], at["in_depth"]);
+        let share = |name: &str| 100.0 * at[name].as_f64().unwrap();
+        println!(
+            "  within {}: complete {:.1} %, in depth {:.1} %",
+            at["within"],
+            share("completeness"),
+            share("in_depth")
+        );
     }
 }
 
