@@ -32,7 +32,7 @@ pub struct Contest<'a, 'b> {
 impl Contest<'_, '_> {
     /// Takes a hypothesis where it costs less. Gives its cost; the sum so far where that is too much already.
     #[inline(always)]
-    pub fn challenge<S: Simd>(&mut self, simd: S, plane: Plane) -> f32 {
+    fn challenge<S: Simd>(&mut self, simd: S, plane: Plane) -> f32 {
         let cost = self.cost_of(simd, plane, self.cost);
         if cost < self.cost {
             (self.plane, self.cost) = (plane, cost);
@@ -93,16 +93,14 @@ impl Contest<'_, '_> {
         Some(plane.moved(-dx as f32, -dy as f32))
     }
 
-    /// Random changes of depth and of slope, then the vertices of parabolas.
+    /// Random changes of depth, slope and both, then the vertex of a parabola.
     #[inline(always)]
     pub fn refine<S: Simd>(&mut self, simd: S, mut dice: Dice, turn: Turn) {
         let Changes { depth, slope, by_depth, by_slope } = turn.changes(self.level);
         self.challenge(simd, self.changed(&mut dice, depth, 0.0));
         self.challenge(simd, self.changed(&mut dice, 0.0, slope));
+        self.challenge(simd, self.changed(&mut dice, 0.5 * depth, 0.5 * slope));
         self.descend(simd, by_depth, |plane, by| Plane { inverse_depth: plane.inverse_depth + by, ..plane });
-        if by_slope <= 0.0 {
-            return;
-        }
         let across = (turn.visit & 1) as usize;
         self.descend(simd, by_slope, |mut plane, by| {
             plane.slope[across] += by;

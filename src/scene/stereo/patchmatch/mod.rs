@@ -45,6 +45,6 @@ pub(super) mod constants {
     pub use super::ncc::{CHROMA_RANGE, FLAT_COST, SAME_CHROMA, UNLIKE_COST, WORST};
     pub use super::views::BAD;
     #[cfg(test)]
-    pub use super::views::{COMPARED, JUDGES};
+    pub use super::views::COMPARED;
     pub use super::window::{COLOR_VARIANCE, COLOR_WEIGHT, FLAT_BELOW, FLAT_VARIANCE, NOISE, TAPS};
 }

@@ -12,7 +12,7 @@ pub trait Passes {
     /// What can go wrong.
     type Error: From<Stopped>;
 
-    /// A field of these hypotheses, with their costs.
+    /// A field of these hypotheses, without costs.
     ///
     /// # Errors
     /// Where there is no room for it.

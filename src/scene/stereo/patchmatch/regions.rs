@@ -38,24 +38,22 @@ impl Regions {
         let reach = self.reach;
         let is_far_in = x >= reach && y >= reach && x + reach < width && y + reach < height;
         let half = width.div_ceil(2);
-        let place = |(dx, dy): (i32, i32)| {
-            let (column, row) = (x as i32 + dx, y as i32 + dy);
-            let is_within = || column >= 0 && row >= 0 && column < width as i32 && row < height as i32;
-            (is_far_in || is_within()).then(|| row as usize * half + column as usize / 2)
-        };
-        let mut best = [None; 8];
-        for (best, offsets) in best.iter_mut().zip(&self.offsets) {
-            // The bits of floats that are not negative are in the order of the floats: the least cost, and of equal ones
-            // the first, without a branch.
-            let mut least = u64::MAX;
-            for (number, &offset) in offsets.iter().enumerate() {
-                if let Some(at) = place(offset) {
-                    least = least.min(u64::from(other.costs[at].to_bits()) << 32 | number as u64);
+        std::array::from_fn(|region| {
+            let mut best = None;
+            let mut least = f32::INFINITY;
+            for &(dx, dy) in &self.offsets[region] {
+                let (column, row) = (x as i32 + dx, y as i32 + dy);
+                let is_within = || column >= 0 && row >= 0 && column < width as i32 && row < height as i32;
+                if !is_far_in && !is_within() {
+                    continue;
+                }
+                let at = row as usize * half + column as usize / 2;
+                if other.costs[at] < least {
+                    least = other.costs[at];
+                    best = Some((dx, dy, at));
                 }
             }
-            let offset = offsets.get((least & u64::from(u32::MAX)) as usize);
-            *best = offset.and_then(|&(dx, dy)| Some((dx, dy, place((dx, dy))?)));
-        }
-        best
+            best
+        })
     }
 }

@@ -82,12 +82,7 @@ pub fn search<P: Passes>(
         for iteration in 0..iterations {
             let reach = first_reach * 0.5f32.powi(iteration as i32);
             let draws = if coarser.is_none() { 1 } else { options.restarts };
-            passes.sweep(
-                &level,
-                &mut field,
-                Turn { visit, iteration, reach, draws, refines_slope: false },
-                progress,
-            )?;
+            passes.sweep(&level, &mut field, Turn { visit, iteration, reach, draws }, progress)?;
             visit += 1;
         }
         coarser = Some(field);
@@ -116,17 +111,15 @@ pub fn search_consistent<P: Passes>(
     }
     level.hints = hints(search, round, level.step);
     let mut field = Field::new(start.width, start.height);
-    for (at, (&plane, &cost)) in start.planes.iter().zip(&start.costs).enumerate() {
-        // In bytes by now and at most 1 (`DepthEstimate::found`), which tells the best around a pixel well enough.
-        let is_searched = plane.inverse_depth > 0.0 && search.allowed.is_none_or(|allowed| allowed[at]);
-        let cost = if is_searched { cost } else { super::ncc::WORST };
-        field.set(at % start.width, at / start.width, plane, cost);
+    for (at, &plane) in start.planes.iter().enumerate() {
+        field.set(at % start.width, at / start.width, plane, super::ncc::WORST);
     }
     let mut field = passes.begin(&level, field)?;
+    passes.score(&level, &mut field, progress)?;
     for iteration in 0..options.geometric_iterations {
         let visit = 64 * (before + 1) + iteration;
         let reach = 0.5f32.powi((before + iteration) as i32);
-        let turn = Turn { visit, iteration: iteration + 2, reach, draws: 0, refines_slope: true };
+        let turn = Turn { visit, iteration: iteration + 2, reach, draws: 0 };
         passes.sweep(&level, &mut field, turn, progress)?;
     }
     Ok(found(&passes.finish(field)?))

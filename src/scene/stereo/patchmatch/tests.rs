@@ -95,10 +95,8 @@ fn without_texture_chroma_tells_and_light_does_not() {
     let leaf = flat(120.0, [-20.0, -20.0]);
     let seen_in = |source: &Texture| Arch::new().dispatch(Cost(&leaf, source, &same, (Plane::default(), 20.0, 15.0)));
     let same_leaf = seen_in(&leaf);
-    // Sums side by side leave a rest of the mean, which is less than a grey of 8 bits.
-    let is_same = |cost: f32| (cost - same_leaf).abs() < 1e-3;
-    assert!(is_same(seen_in(&flat(60.0, [-20.0, -20.0]))), "in the shade");
-    assert!(is_same(seen_in(&flat(120.0, [-17.0, -16.0]))), "noise");
+    assert_eq!(seen_in(&flat(60.0, [-20.0, -20.0])), same_leaf, "in the shade");
+    assert_eq!(seen_in(&flat(120.0, [-17.0, -16.0])), same_leaf, "noise");
     assert!(seen_in(&flat(120.0, [0.0, 20.0])) > same_leaf + 0.5, "a wall of the same brightness");
 }
 

@@ -1,9 +1,7 @@
 use super::level::MAX_SOURCES;
 
-/// Hypotheses compared: a pixel's own, one of each region, the near ones first, and one of another view.
+/// Hypotheses compared when views are chosen: a pixel's own, one of each region, and one of another view.
 pub const COMPARED: usize = 10;
-/// The first of them are compared in all views, which are chosen by them; the others in the views chosen.
-pub const JUDGES: usize = 5;
 /// A cost above this says that a view does not see the surface.
 pub const BAD: f32 = 1.2;
 

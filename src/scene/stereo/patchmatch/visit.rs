@@ -5,7 +5,7 @@ use super::field::Color;
 use super::level::{Level, MAX_SOURCES};
 use super::plane::Plane;
 use super::random::Dice;
-use super::views::{COMPARED, JUDGES, choose_views};
+use super::views::{COMPARED, choose_views};
 
 /// Where the search stands.
 #[derive(Debug, Clone, Copy)]
@@ -18,8 +18,6 @@ pub struct Turn {
     pub reach: f32,
     /// Hypotheses drawn from the whole range, and as many from pixels farther off.
     pub draws: u32,
-    /// Whether the slope is looked for by a parabola too, not by random changes alone.
-    pub refines_slope: bool,
 }
 
 impl Turn {
@@ -32,8 +30,7 @@ impl Turn {
     pub fn changes(self, level: &Level<'_>) -> Changes {
         let near = level.step * self.reach.min(1.0);
         let depth = self.reach * level.step;
-        let by_slope = if self.refines_slope { 0.1 * near } else { 0.0 };
-        Changes { depth, slope: 0.25 * self.reach.min(2.0), by_depth: 0.25 * near, by_slope }
+        Changes { depth, slope: 0.25 * self.reach.min(2.0), by_depth: 0.25 * near, by_slope: 0.1 * near }
     }
 }
 
@@ -46,7 +43,7 @@ pub struct Changes {
     pub slope: f32,
     /// Step of the parabola along the inverse depth.
     pub by_depth: f32,
-    /// Step of the parabola along the slope; 0 = none.
+    /// Step of the parabola along the slope.
     pub by_slope: f32,
 }
 
@@ -69,25 +66,21 @@ pub fn visit<S: Simd>(
     let mut times = [1; COMPARED];
     let hint = level.hint_for(&patch, x, y);
     let count = gather(level, other, (x, y), hint, &mut planes, &mut times);
-    let judges = count.min(JUDGES);
-    let mut costs = [[super::ncc::WORST; MAX_SOURCES]; JUDGES];
-    for (costs, &plane) in costs.iter_mut().zip(&planes[..judges]) {
+    let mut costs = [[super::ncc::WORST; MAX_SOURCES]; COMPARED];
+    for (costs, &plane) in costs.iter_mut().zip(&planes[..count]) {
         for (cost, source) in costs.iter_mut().zip(&level.sources) {
             *cost = level.cost(simd, &patch, (plane, u, v), source);
         }
     }
     let sources = level.sources.len();
-    let views = choose_views(&costs[..judges], &times[..judges], sources, turn.good(), level.options.best_views);
+    let views = choose_views(&costs[..count], &times[..count], sources, turn.good(), level.options.best_views);
     let mut contest = Contest { level, patch, x: u, y: v, views, plane: own, cost: f32::INFINITY };
-    for (costs, &plane) in costs[..judges].iter().zip(&planes) {
+    for (costs, &plane) in costs[..count].iter().zip(&planes) {
         let pulled = level.pulled(&contest.patch, (plane, u, v));
         let cost = views.weights.iter().zip(costs).fold(pulled, |sum, (weight, cost)| sum + weight * cost);
         if cost < contest.cost {
             (contest.plane, contest.cost) = (plane, cost);
         }
-    }
-    for &plane in &planes[judges..count] {
-        contest.challenge(simd, plane);
     }
     let dice = Dice::new(level.options.seed, turn.visit, (y * level.picture.width + x) as u32);
     contest.restart(simd, other, dice, turn);
@@ -127,9 +120,11 @@ fn gather(
     let mut count = 1;
     let size = (level.picture.width, level.picture.height);
     let near = level.options.alike_px * level.step;
-    let mut meet = |plane: Plane| {
+    let around = level.regions.best(other, size, x, y).into_iter().flatten();
+    let around = around.map(|(dx, dy, at)| other.planes[at].moved(-dx as f32, -dy as f32));
+    for plane in around.chain(hint) {
         if !level.is_possible(plane, x as f32, y as f32) {
-            return;
+            continue;
         }
         let alike = |known: &Plane| {
             (known.inverse_depth - plane.inverse_depth).abs() < near
@@ -143,12 +138,6 @@ fn gather(
                 count += 1;
             }
         }
-    };
-    for (dx, dy, at) in level.regions.best(other, size, x, y).into_iter().flatten() {
-        meet(other.planes[at].moved(-dx as f32, -dy as f32));
-    }
-    if let Some(hint) = hint {
-        meet(hint);
     }
     count
 }

@@ -4,16 +4,8 @@ use super::texture::Texture;
 pub const TAPS: usize = 24;
 /// Taps made up with ones of no weight to whole vectors of any width.
 pub const PADDED: usize = 32;
-/// Sums of taps side by side, as graphics cards add them.
-const LANES: usize = 4;
 /// Reach of the window in pixels: small, so that a thin part is not compared by what lies behind it.
-const REACH: usize = 2;
-/// Pixels along each side of the window.
-const SIDE: usize = 2 * REACH + 1;
-/// Pixels of the window, the one in the middle among them, which is no tap.
-const CELLS: usize = SIDE * SIDE;
-/// The one in the middle.
-const MIDDLE: usize = CELLS / 2;
+const REACH: i32 = 2;
 /// Grey difference of `exp(−½)` in the weights.
 const GREY_SIGMA: f32 = 30.0;
 /// The same of colour, apart from grey: it tells a leaf from what lies behind it where both are equally bright.
@@ -63,10 +55,10 @@ pub struct Patch {
 
 impl Default for Window {
     fn default() -> Self {
-        let cell = |tap: usize| tap + tap / MIDDLE;
-        let off = |at: usize| at as f32 - REACH as f32;
-        let dx = std::array::from_fn(|tap| off(cell(tap) % SIDE));
-        let dy = std::array::from_fn(|tap| off(cell(tap) / SIDE));
+        let around = |tap: usize| (tap + tap / (TAPS / 2)) as i32;
+        let side = 2 * REACH + 1;
+        let dx = std::array::from_fn(|tap| (around(tap) % side - REACH) as f32);
+        let dy = std::array::from_fn(|tap| (around(tap) / side - REACH) as f32);
         let spread = 2.0 * (REACH * REACH) as f32;
         let near = std::array::from_fn(|tap| (-(dx[tap] * dx[tap] + dy[tap] * dy[tap]) / spread).exp());
         let alike = |sigma: f32| std::array::from_fn(|off| (-0.5 * (off as f32 / sigma).powi(2)).exp());
@@ -79,16 +71,16 @@ impl Patch {
     #[inline(always)]
     pub fn new(window: &Window, picture: &Texture, x: usize, y: usize) -> Self {
         let (centre, own) = (picture.grey(x, y), picture.chroma[y * picture.width + x]);
-        let (greys, chromas) = cells(picture, x, y);
         let mut values = [0.0; TAPS];
         let mut weights = [0.0; PADDED];
-        for (taps, cells) in [(0..MIDDLE, 0..MIDDLE), (MIDDLE..TAPS, MIDDLE + 1..CELLS)] {
-            for (tap, cell) in taps.zip(cells) {
-                let (grey, chroma) = (greys[cell], chromas[cell]);
-                let [blue, red] = [0, 1].map(|k| window.alike_chroma[usize::from(chroma[k].abs_diff(own[k]))]);
-                values[tap] = f32::from(grey);
-                weights[tap] = window.near[tap] * window.alike[usize::from(grey.abs_diff(centre))] * (blue * red);
-            }
+        for tap in 0..TAPS {
+            let column = (x as f32 + window.dx[tap]).max(0.0) as usize;
+            let row = (y as f32 + window.dy[tap]).max(0.0) as usize;
+            let (column, row) = (column.min(picture.width - 1), row.min(picture.height - 1));
+            let (grey, chroma) = (picture.grey(column, row), picture.chroma[row * picture.width + column]);
+            let [blue, red] = [0, 1].map(|k| window.alike_chroma[usize::from(chroma[k].abs_diff(own[k]))]);
+            values[tap] = f32::from(grey);
+            weights[tap] = window.near[tap] * window.alike[usize::from(grey.abs_diff(centre))] * (blue * red);
         }
         Self { chroma: own.map(f32::from), ..Self::weigh(&values, weights) }
     }
@@ -109,53 +101,22 @@ impl Patch {
 
     #[inline(always)]
     fn weigh(values: &[f32; TAPS], mut weights: [f32; PADDED]) -> Self {
-        let (mut sum, mut mean) = ([0.0; LANES], [0.0; LANES]);
+        let (mut sum, mut mean) = (0.0, 0.0);
         for tap in 0..TAPS {
-            sum[tap % LANES] += weights[tap];
-            mean[tap % LANES] += weights[tap] * values[tap];
+            sum += weights[tap];
+            mean += weights[tap] * values[tap];
         }
-        let scale = 1.0 / total(sum);
-        let mean = total(mean) * scale;
+        let scale = 1.0 / sum;
+        mean *= scale;
         let mut weighted = [0.0; PADDED];
-        let mut variance = [0.0; LANES];
+        let mut variance = 0.0;
         for tap in 0..TAPS {
             weights[tap] *= scale;
             let off = values[tap] - mean;
             weighted[tap] = weights[tap] * off;
-            variance[tap % LANES] += weighted[tap] * off;
+            variance += weighted[tap] * off;
         }
-        let variance = total(variance);
         let color_weight = COLOR_WEIGHT * COLOR_VARIANCE * (1.0 / (variance + COLOR_VARIANCE));
         Self { weights, weighted, variance, chroma: [0.0; 2], color_weight, flatness: 0.0 }
     }
-}
-
-/// Greys and chromas of the window around a pixel, row by row, its own in the middle; beyond the border the border's.
-#[inline(always)]
-fn cells(picture: &Texture, x: usize, y: usize) -> ([u8; CELLS], [[u8; 2]; CELLS]) {
-    let (width, height) = (picture.width, picture.height);
-    let (mut greys, mut chromas) = ([0; CELLS], [[0; 2]; CELLS]);
-    let is_far_in = x >= REACH && y >= REACH && x + REACH < width && y + REACH < height;
-    for row in 0..SIDE {
-        let line = (y + row).saturating_sub(REACH).min(height - 1) * width;
-        let cells = row * SIDE..(row + 1) * SIDE;
-        let (greys, chromas) = (&mut greys[cells.clone()], &mut chromas[cells]);
-        if is_far_in {
-            let first = line + x - REACH;
-            let there = &picture.quads[first..first + SIDE];
-            greys.iter_mut().zip(there).for_each(|(grey, quad)| *grey = *quad as u8);
-            chromas.copy_from_slice(&picture.chroma[first..first + SIDE]);
-        } else {
-            for column in 0..SIDE {
-                let at = line + (x + column).saturating_sub(REACH).min(width - 1);
-                (greys[column], chromas[column]) = (picture.quads[at] as u8, picture.chroma[at]);
-            }
-        }
-    }
-    (greys, chromas)
-}
-
-#[inline(always)]
-fn total([a, b, c, d]: [f32; LANES]) -> f32 {
-    (a + b) + (c + d)
 }

@@ -63,7 +63,7 @@ fn a_wall_without_texture_between_textured_borders_is_found() {
     let (_, without, _) = counted(&depth(|x| !is_inside(x), 0.0), inside);
     let (known, right, all) = counted(&depth(|x| !is_inside(x), PatchMatchOptions::default().prior_weight), inside);
     assert!(right * 100 >= all * 93 && known * 100 <= right * 105, "{right} right of {known} of {all}");
-    assert!(without * 5 <= all * 3, "{without} of {all} by their texture alone");
+    assert!(without * 2 <= all, "{without} of {all} by their texture alone");
 }
 
 /// Where a surface ends before a background without texture, it is not continued.
@@ -72,7 +72,7 @@ fn a_board_before_nothing_keeps_its_border() {
     let beyond = |x: DVec3| x.x.abs() > 0.6 || x.y.abs() > 0.5;
     let board = depth(is_inside, PatchMatchOptions::default().prior_weight);
     let (known, _, all) = counted(&board, beyond);
-    assert!(all > 1000 && known * 25 <= all, "{known} of {all}");
+    assert!(all > 1000 && known * 30 <= all, "{known} of {all}");
     let (_, right, all) = counted(&board, is_inside);
     assert!(right * 10 >= all * 9, "{right} of {all}");
 }

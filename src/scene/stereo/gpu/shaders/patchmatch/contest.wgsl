@@ -42,7 +42,7 @@ fn stepped(plane: vec3f, along_slope: bool, steps: f32) -> vec3f {
     return vec3f(plane.xy, plane.z + steps * turn.by_slope);
 }
 
-// Draws from the whole range and from far off, random changes, then one parabola or two: one after the other through one
+// Draws from the whole range and from far off, random changes, then two parabolas: one after the other through one
 // comparison, which keeps the program short. `best` holds the hypothesis and its cost.
 fn contest(start: vec4f, views: ptr<function, Views>) -> vec4f {
     var best = start;
@@ -53,14 +53,12 @@ fn contest(start: vec4f, views: ptr<function, Views>) -> vec4f {
     let far = drawn + turn.draws;
     var before = 0.0;
     var after = 0.0;
-    let end = far + 5u + select(0u, 3u, turn.by_slope > 0.0);
-    for (var round = 0u; round < end; round++) {
+    for (var round = 0u; round < far + 9u; round++) {
         var plane = best.xyz;
         var limit = best.w;
         let change = round - far;
-        let is_step = round >= far + 2u;
-        let step = change - 2u;
-        let phase = step % 3u;
+        let phase = change % 3u;
+        let is_step = round >= far + 3u;
         if round < drawn {
             plane = vec3f(level.range.x + (level.range.y - level.range.x) * unit(&beside), 0.0, 0.0);
         } else if round < far {
@@ -76,10 +74,11 @@ fn contest(start: vec4f, views: ptr<function, Views>) -> vec4f {
             } else {
                 limit = NEVER;
             }
-            plane = stepped(plane, step >= 3u, steps);
+            plane = stepped(plane, change >= 6u, steps);
         } else {
-            let is_slope = change == 1u;
-            plane = changed(plane, &dice, select(turn.depth, 0.0, is_slope), select(0.0, turn.slope, is_slope));
+            let depth = array<f32, 3>(turn.depth, 0.0, 0.5 * turn.depth);
+            let slope = array<f32, 3>(0.0, turn.slope, 0.5 * turn.slope);
+            plane = changed(plane, &dice, depth[phase], slope[phase]);
         }
         let cost = cost_of(plane, views, limit);
         if is_step && phase == 0u {

@@ -20,8 +20,8 @@ fn chroma_of(at: u32) -> vec2f {
     return vec2f(f32(chromas[at] & 0xFFu), f32(chromas[at] >> 8u));
 }
 
-fn total(v: vec4f) -> f32 {
-    return (v.x + v.y) + (v.z + v.w);
+fn sum_on(before: f32, v: vec4f) -> f32 {
+    return (((before + v.x) + v.y) + v.z) + v.w;
 }
 
 // The bilateral weights of a patch, and its variance.
@@ -32,8 +32,8 @@ fn make_patch() {
     let own = chromas[here];
     patch_chroma = chroma_of(here);
     var values: array<vec4f, QUARTERS>;
-    var sums = vec4f(0.0);
-    var means = vec4f(0.0);
+    var sum = 0.0;
+    var mean = 0.0;
     for (var k = 0u; k < QUARTERS; k++) {
         let column = vec4u(clamp(pixel.x + level.dx[k], vec4f(0.0), vec4f(last.x)));
         let row = vec4u(clamp(pixel.y + level.dy[k], vec4f(0.0), vec4f(last.y)));
@@ -46,19 +46,18 @@ fn make_patch() {
         }
         values[k] = vec4f(grey);
         weights[k] = weight;
-        sums += weight;
-        means += weight * values[k];
+        sum = sum_on(sum, weight);
+        mean = sum_on(mean, weight * values[k]);
     }
-    let scale = 1.0 / total(sums);
-    let mean = total(means) * scale;
-    var variances = vec4f(0.0);
+    let scale = 1.0 / sum;
+    mean *= scale;
+    variance = 0.0;
     for (var k = 0u; k < QUARTERS; k++) {
         weights[k] *= scale;
         let off = values[k] - mean;
         weighted[k] = weights[k] * off;
-        variances += weighted[k] * off;
+        variance = sum_on(variance, weighted[k] * off);
     }
-    variance = total(variances);
     let c = level.constants;
     color_weight = c.color_weight * c.color_variance * (1.0 / (variance + c.color_variance));
     flatness = 0.0;

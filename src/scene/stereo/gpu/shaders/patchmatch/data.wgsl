@@ -6,9 +6,8 @@
 // which lets some pixels without texture end elsewhere.
 
 const MAX_SOURCES: u32 = 8u;
-// Hypotheses compared; the first of them in all views, the others in the views chosen by these.
+// Hypotheses compared when views are chosen.
 const COMPARED: u32 = 10u;
-const JUDGES: u32 = 5u;
 // Vectors of four taps.
 const QUARTERS: u32 = 6u;
 // Stands for infinity, which WGSL does not promise.
@@ -81,7 +80,7 @@ struct Turn {
     // Reach of random changes of inverse depth, and of slope as a share.
     depth: f32,
     slope: f32,
-    // Steps of the parabola in inverse depth and in slope; 0 = none.
+    // Steps of the parabola in inverse depth and in slope.
     by_depth: f32,
     by_slope: f32,
 }

@@ -48,9 +48,8 @@ fn sweep(@builtin(global_invocation_id) id: vec3u) {
     }
     var gathered: Gathered;
     gather(own, &gathered);
-    let judges = min(gathered.count, JUDGES);
-    var costs: array<f32, MAX_SOURCES * JUDGES>;
-    for (var k = 0u; k < judges; k++) {
+    var costs: array<f32, MAX_SOURCES * COMPARED>;
+    for (var k = 0u; k < gathered.count; k++) {
         for (var source = 0u; source < level.source_count; source++) {
             costs[k * MAX_SOURCES + source] = cost_in(source, gathered.planes[k]);
         }
@@ -58,17 +57,11 @@ fn sweep(@builtin(global_invocation_id) id: vec3u) {
     var views: Views;
     choose_views(&gathered, &costs, &views);
     var best = vec4f(own, NEVER);
-    for (var k = 0u; k < judges && views.count > 0u; k++) {
+    for (var k = 0u; k < gathered.count && views.count > 0u; k++) {
         var cost = pulled(gathered.planes[k]);
         for (var source = 0u; source < level.source_count; source++) {
             cost += views.weights[source] * costs[k * MAX_SOURCES + source];
         }
-        if cost < best.w {
-            best = vec4f(gathered.planes[k], cost);
-        }
-    }
-    for (var k = judges; k < gathered.count; k++) {
-        let cost = cost_of(gathered.planes[k], &views, best.w);
         if cost < best.w {
             best = vec4f(gathered.planes[k], cost);
         }

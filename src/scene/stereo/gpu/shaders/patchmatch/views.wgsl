@@ -13,13 +13,13 @@ fn likelihood(cost: f32) -> f32 {
 }
 
 // How much a source counts, and the least cost of any hypothesis in it.
-fn judged(source: u32, gathered: ptr<function, Gathered>, costs: ptr<function, array<f32, MAX_SOURCES * JUDGES>>) -> vec2f {
+fn judged(source: u32, gathered: ptr<function, Gathered>, costs: ptr<function, array<f32, MAX_SOURCES * COMPARED>>) -> vec2f {
     var goods = 0u;
     var bads = 0u;
     var total = 0u;
     var sum = 0.0;
     var least = NEVER;
-    for (var k = 0u; k < min((*gathered).count, JUDGES); k++) {
+    for (var k = 0u; k < (*gathered).count; k++) {
         let cost = (*costs)[k * MAX_SOURCES + source];
         let times = (*gathered).times[k];
         total += times;
@@ -36,7 +36,7 @@ fn judged(source: u32, gathered: ptr<function, Gathered>, costs: ptr<function, a
     return vec2f(0.0, least);
 }
 
-fn choose_views(gathered: ptr<function, Gathered>, costs: ptr<function, array<f32, MAX_SOURCES * JUDGES>>, views: ptr<function, Views>) {
+fn choose_views(gathered: ptr<function, Gathered>, costs: ptr<function, array<f32, MAX_SOURCES * COMPARED>>, views: ptr<function, Views>) {
     var least: array<f32, MAX_SOURCES>;
     var any = false;
     for (var source = 0u; source < level.source_count; source++) {
