@@ -2,6 +2,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::DepthCamera;
 use crate::geometry::{Camera, Pose};
 
 /// How a stored picture must be turned to be seen upright: the EXIF orientation, 1 to 8.
@@ -65,7 +66,7 @@ impl PictureSource {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum DepthSource {
-    /// A sensor: a 16-bit picture, pixel for pixel with the stored colour picture.
+    /// A sensor: a 16-bit picture, pixel for pixel with the stored colour picture unless it has a camera of its own.
     Sensor {
         /// Absolute path.
         path: PathBuf,
@@ -74,6 +75,9 @@ pub enum DepthSource {
         /// Turn to apply, that of the colour picture.
         #[serde(default)]
         orientation: Orientation,
+        /// The camera that measured it, where that is not the picture's; it is then seen through the picture's.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        camera: Option<Box<DepthCamera>>,
     },
     /// A reconstruction: a depth map with a camera of its own, which lies with the project (see [`super::MadeDepth`]).
     Made {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use super::cache::{Cache, Weigh};
 use super::decode::{decode_depth, decode_picture};
 use super::film::Films;
-use super::{DepthMap, DepthSource, Frame, FrameError, Image, MadeDepth, PictureSource};
+use super::{DepthCamera, DepthMap, DepthSource, Frame, FrameError, Image, MadeDepth, PictureSource};
 
 /// Decodes pictures and depths and keeps the latest.
 #[derive(Debug)]
@@ -20,7 +20,7 @@ pub(super) struct Loader {
 pub(super) enum Key {
     File { path: PathBuf, orientation: u8 },
     Film { path: PathBuf, index: u64 },
-    Depth { path: PathBuf, orientation: u8, unit_bits: u64 },
+    Depth { path: PathBuf, orientation: u8, unit_bits: u64, lenses: String },
     Made { path: PathBuf, scale_bits: u64, lens: String },
 }
 
@@ -56,16 +56,25 @@ impl Key {
 
     fn of_depth(frame: &Frame, source: &DepthSource) -> Self {
         match source {
-            DepthSource::Sensor { path, unit, orientation } => {
-                Self::Depth { path: path.clone(), orientation: orientation.0, unit_bits: unit.to_bits() }
+            DepthSource::Sensor { path, unit, orientation, camera } => {
+                let lenses = camera.as_ref().map(|camera| format!("{camera:?} {}", lens(frame)));
+                Self::Depth {
+                    path: path.clone(),
+                    orientation: orientation.0,
+                    unit_bits: unit.to_bits(),
+                    lenses: lenses.unwrap_or_default(),
+                }
             }
-            // It is seen through the frame's lens, which may change.
             DepthSource::Made { made, scale } => {
-                let lens = frame.camera.map(|camera| format!("{:?}", camera.intrinsics));
-                Self::Made { path: made.clone(), scale_bits: scale.to_bits(), lens: lens.unwrap_or_default() }
+                Self::Made { path: made.clone(), scale_bits: scale.to_bits(), lens: lens(frame) }
             }
         }
     }
+}
+
+/// The frame's lens, which what is seen through it is a matter of, and which may change.
+fn lens(frame: &Frame) -> String {
+    frame.camera.map(|camera| format!("{:?}", camera.intrinsics)).unwrap_or_default()
 }
 
 impl Loader {
@@ -114,7 +123,13 @@ impl Loader {
 
     fn decode_depth(&self, frame: &Frame, source: &DepthSource) -> Result<DepthMap, FrameError> {
         match source {
-            DepthSource::Sensor { path, unit, orientation } => decode_depth(path, *unit, *orientation),
+            DepthSource::Sensor { path, unit, orientation, camera } => {
+                let measured = decode_depth(path, *unit, *orientation)?;
+                match camera {
+                    Some(camera) => through_lens(frame, path, camera, &measured),
+                    None => Ok(measured),
+                }
+            }
             DepthSource::Made { made, scale } => Ok(MadeDepth::read(&self.home.join(made))?.seen_by(frame, *scale)),
         }
     }
@@ -132,6 +147,23 @@ impl Loader {
         };
         checked(frame, Arc::new(image))
     }
+}
+
+/// Depth that another camera measured, as the frame's sees it.
+fn through_lens(frame: &Frame, path: &Path, by: &DepthCamera, measured: &DepthMap) -> Result<DepthMap, FrameError> {
+    let (width, height) = (by.intrinsics.width, by.intrinsics.height);
+    let invalid = |what: String| FrameError::Invalid { path: path.into(), what };
+    if (measured.width, measured.height) != (width, height) {
+        let (now_width, now_height) = (measured.width, measured.height);
+        return Err(invalid(format!(
+            "depth of {now_width} × {now_height} pixels does not fit its camera of {width} × {height}; give it as it was"
+        )));
+    }
+    let picture = frame.camera.ok_or_else(|| {
+        let name = &frame.name;
+        invalid(format!("its own camera is known but not that of picture {name}; give --intrinsics or --cameras"))
+    })?;
+    Ok(by.seen_by(measured, &picture.intrinsics))
 }
 
 /// Bytes of a frame's decoded picture.

@@ -7,6 +7,7 @@ mod cache;
 pub mod cameras;
 mod complete;
 mod decode;
+mod depth_camera;
 mod error;
 mod exif;
 mod film;
@@ -22,6 +23,7 @@ mod store;
 mod thumbnail;
 mod turn;
 
+pub use depth_camera::DepthCamera;
 pub use error::FrameError;
 pub use exif::exif_focal_px;
 pub use film::{FilmOptions, write_film};

@@ -4,7 +4,8 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 
 use super::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind, ResultRecord};
-use crate::frames::{DepthSource, Frame, FrameCamera};
+use crate::frames::{DepthCamera, DepthSource, Frame, FrameCamera};
+use crate::geometry::{Camera, Pose};
 use crate::masks::{Label, LabelId, Prompt};
 
 impl Project {
@@ -224,18 +225,29 @@ fn check_frame(frame: &Frame) -> Result<()> {
 fn check_depth(name: &str, depth: &DepthSource) -> Result<()> {
     let (DepthSource::Sensor { unit, .. } | DepthSource::Made { scale: unit, .. }) = depth;
     ensure!(unit.is_finite() && *unit > 0.0, "{name}: the depth unit must be a number above 0");
-    if let DepthSource::Made { made, .. } = depth {
-        let inside = made.components().all(|part| matches!(part, Component::Normal(_)));
-        ensure!(inside, "{name}: {}: its depth map must lie in the project's folder", made.display());
+    match depth {
+        DepthSource::Made { made, .. } => {
+            let inside = made.components().all(|part| matches!(part, Component::Normal(_)));
+            ensure!(inside, "{name}: {}: its depth map must lie in the project's folder", made.display());
+        }
+        DepthSource::Sensor { camera, .. } => {
+            let finite = |camera: &DepthCamera| is_finite(&camera.intrinsics, Some(&camera.picture_from_depth));
+            let what = "the camera of its depth has a value that is not a finite number; give it anew";
+            ensure!(camera.as_deref().is_none_or(finite), "{name}: {what}");
+        }
     }
     Ok(())
 }
 
 fn check_camera(name: &str, camera: &FrameCamera) -> Result<()> {
-    let finite = serde_json::to_value(camera.intrinsics).is_ok_and(|value| !has_null(&value))
-        && camera.camera_from_world.is_none_or(|pose| pose.rotation.is_finite() && pose.translation.is_finite());
+    let finite = is_finite(&camera.intrinsics, camera.camera_from_world.as_ref());
     ensure!(finite, "{name}: its camera has a value that is not a finite number; repair the camera file");
     Ok(())
+}
+
+fn is_finite(camera: &Camera, pose: Option<&Pose>) -> bool {
+    serde_json::to_value(camera).is_ok_and(|value| !has_null(&value))
+        && pose.is_none_or(|pose| pose.rotation.is_finite() && pose.translation.is_finite())
 }
 
 /// JSON writes a number that is not finite as `null`.

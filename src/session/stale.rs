@@ -120,7 +120,10 @@ impl Project {
 /// A sensor's pictures may be moved to another place and tell the same.
 fn tells_the_same(before: &Option<DepthSource>, now: &Option<DepthSource>) -> bool {
     match (before, now) {
-        (Some(DepthSource::Sensor { unit: before, .. }), Some(DepthSource::Sensor { unit: now, .. })) => before == now,
+        (
+            Some(DepthSource::Sensor { unit: before, camera: by, .. }),
+            Some(DepthSource::Sensor { unit: now, camera, .. }),
+        ) => (before, by) == (now, camera),
         (before, now) => before == now,
     }
 }

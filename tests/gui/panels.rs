@@ -117,7 +117,8 @@ fn masks_are_constrained_by_geometry_where_there_is_any() {
     let tip = "Needs frames with depth and cameras: add them, or reconstruct first";
     assert!(harness.query_by_label(tip).is_some(), "{:?}", labels(&harness));
     let mut frames = harness.state().project.frames.to_vec();
-    frames[3].depth = Some(DepthSource::Sensor { path: "d.png".into(), unit: 0.001, orientation: Orientation(1) });
+    let (unit, orientation) = (0.001, Orientation(1));
+    frames[3].depth = Some(DepthSource::Sensor { path: "d.png".into(), unit, orientation, camera: None });
     harness.state_mut().project.frames = Arc::new(frames);
     harness.run_steps(2);
     harness.get_by_label(name).click();

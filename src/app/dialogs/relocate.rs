@@ -94,6 +94,7 @@ mod tests {
                 path: path.into(),
                 unit: 0.001,
                 orientation: Default::default(),
+                camera: None,
             }),
             camera: None,
         };

@@ -45,7 +45,7 @@ fn frame_of(item: &Item, depth_unit: f64) -> Result<(Frame, bool), FrameError> {
     let (width, height) = orientation.shown_size(header.width, header.height);
     let depth = item.depth.as_ref().map(|path| {
         check_depth(path, picture.path(), header)?;
-        Ok::<_, FrameError>(DepthSource::Sensor { path: path.clone(), unit: depth_unit, orientation })
+        Ok::<_, FrameError>(DepthSource::Sensor { path: path.clone(), unit: depth_unit, orientation, camera: None })
     });
     let depth = depth.transpose()?;
     Ok((Frame { name: item.name.clone(), width, height, picture, depth, camera: None }, header.grey16))

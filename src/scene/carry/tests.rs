@@ -109,7 +109,12 @@ fn frame(folder: &Path, k: usize, camera: FrameCamera) -> Frame {
         width: WIDTH,
         height: HEIGHT,
         picture: PictureSource::File { path: folder.join(format!("c{k}.png")), orientation },
-        depth: Some(DepthSource::Sensor { path: folder.join(format!("d{k}.png")), unit: 0.0002, orientation }),
+        depth: Some(DepthSource::Sensor {
+            path: folder.join(format!("d{k}.png")),
+            unit: 0.0002,
+            orientation,
+            camera: None,
+        }),
         camera: Some(camera),
     }
 }

@@ -6,6 +6,7 @@ mod account;
 mod agreement;
 mod align;
 mod between;
+mod calibrate;
 mod chain;
 mod error;
 mod forest;
@@ -24,6 +25,7 @@ mod scan;
 mod tests;
 mod view;
 
+pub use calibrate::{Calibration, calibrate};
 pub use chain::OnPose;
 pub use error::RgbdError;
 pub use link::{FrameLink, LinkKind};

@@ -39,6 +39,12 @@ impl View {
         Self { camera: small, grey: pixels.iter().map(|pixel| pixel.0).collect(), depths, unit }
     }
 
+    /// With depth alone: a picture that shows nothing.
+    #[must_use]
+    pub fn without_picture(&self) -> Self {
+        Self { grey: vec![0; self.grey.len()], ..self.clone() }
+    }
+
     /// Depth of a pixel in world units; 0 = unknown.
     #[must_use]
     pub fn depth(&self, pixel: usize) -> f32 {

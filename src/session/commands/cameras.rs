@@ -10,7 +10,7 @@ use crate::engine::job::{Progress, Stopped};
 use crate::frames::cameras::{ModelEncoding, SparsePoints, write_colmap_model};
 use crate::frames::{Frame, FrameCamera, FrameStore};
 use crate::masks::LabelId;
-use crate::scene::rgbd::{FrameLink, RgbdOptions, RgbdRequest, RgbdResult, register_rgbd};
+use crate::scene::rgbd::{Calibration, FrameLink, RgbdOptions, RgbdRequest, RgbdResult, calibrate, register_rgbd};
 use crate::scene::sfm::{
     FeatureExtractor, FeatureMatcher, MapperOptions, Outcome, PairOptions, SfmRequest, SfmResult, structure_from_motion,
 };
@@ -74,6 +74,8 @@ struct Cameras {
     outcomes: BTreeMap<usize, Outcome>,
     /// What ties frames together, where depth does.
     links: Vec<FrameLink>,
+    /// Cameras of pictures that were found not to lie on their depths.
+    calibrations: Vec<Calibration>,
     stopped: bool,
 }
 
@@ -81,12 +83,13 @@ impl From<SfmResult> for Cameras {
     fn from(result: SfmResult) -> Self {
         let (engine, settings) = ("sfm", settings(&result));
         let SfmResult { cameras, sparse, outcomes, stopped, .. } = result;
-        Self { engine, settings, cameras, sparse, outcomes, links: Vec::new(), stopped }
+        let (links, calibrations) = Default::default();
+        Self { engine, settings, cameras, sparse, outcomes, links, calibrations, stopped }
     }
 }
 
-impl From<RgbdResult> for Cameras {
-    fn from(result: RgbdResult) -> Self {
+impl From<(RgbdResult, Vec<Calibration>)> for Cameras {
+    fn from((result, calibrations): (RgbdResult, Vec<Calibration>)) -> Self {
         let RgbdResult { cameras, outcomes, links, stopped } = result;
         let held = links.iter().filter(|link| link.holds).count();
         let contradicted = links.len() - held;
@@ -95,7 +98,9 @@ impl From<RgbdResult> for Cameras {
         if contradicted > 0 {
             settings += &format!(", {contradicted} contradicted by the others");
         }
-        Self { engine: "rgbd", settings, cameras, sparse: SparsePoints::default(), outcomes, links, stopped }
+        calibrations.iter().for_each(|calibration| settings += &format!("; {calibration}"));
+        let sparse = SparsePoints::default();
+        Self { engine: "rgbd", settings, cameras, sparse, outcomes, links, calibrations, stopped }
     }
 }
 
@@ -154,13 +159,16 @@ impl CameraWork {
         }
     }
 
-    fn by_depth(&self, link: &Link) -> Result<RgbdResult> {
+    fn by_depth(&self, link: &Link) -> Result<(RgbdResult, Vec<Calibration>)> {
+        link.progress.stage("compare pictures with depths")?;
+        let calibrations = calibrate(&self.project.frames, &self.store, &link.progress)?;
+        let frames = calibrated(&self.project.frames, &calibrations);
         let (chosen, between): (Vec<usize>, Vec<usize>) =
             (0..self.project.frames.len()).partition(|&frame| frame % self.request.every == 0);
-        let placed = Placed { frames: &self.project.frames, pictures: &self.store, link };
+        let placed = Placed { frames: &frames, pictures: &self.store, link };
         let wish = RgbdRequest {
             on_pose: &|frame, pose| placed.show(frame, pose),
-            frames: &self.project.frames,
+            frames: &frames,
             chosen: &chosen,
             between: &between,
             pairs: &self.request.pairs,
@@ -168,7 +176,8 @@ impl CameraWork {
             matcher: self.matcher.as_ref(),
             options: RgbdOptions { registration: registration(&self.request.registration)?, ..RgbdOptions::default() },
         };
-        register_rgbd(&wish, &self.store, &link.progress).map_err(|error| anyhow::anyhow!(error))
+        let result = register_rgbd(&wish, &self.store, &link.progress).map_err(|error| anyhow::anyhow!(error))?;
+        Ok((result, calibrations))
     }
 
     fn by_motion(&self, poses: Poses, progress: &Progress) -> Result<SfmResult> {
@@ -232,11 +241,14 @@ impl FoundCameras {
 }
 
 fn edits(project: &Project, result: &Cameras, poses: Poses, record: ResultRecord) -> Vec<Edit> {
-    let frames = project.frames.iter().enumerate();
+    let calibrated = calibrated(&project.frames, &result.calibrations);
+    let frames = calibrated.iter().enumerate();
     let mut edits: Vec<Edit> = frames
         .clone()
         .map(|(frame, known)| Edit::SetCamera { frame, camera: camera(known, result.cameras.get(&frame), poses) })
         .collect();
+    let numbers = result.calibrations.iter().flat_map(|calibration| &calibration.frames);
+    edits.extend(numbers.map(|&frame| Edit::SetDepth { frame, depth: calibrated[frame].depth.clone() }));
     edits.push(Edit::SetResult { kind: ResultKind::Cameras, record: Some(record) });
     let measured = frames.clone().filter(|(_, frame)| frame.has_sensor_depth()).count();
     let made = frames.filter(|(_, frame)| frame.depth.is_some()).count() > measured;
@@ -244,6 +256,12 @@ fn edits(project: &Project, result: &Cameras, poses: Poses, record: ResultRecord
         edits.push(given(ResultKind::Depths, measured, ""));
     }
     edits
+}
+
+fn calibrated(frames: &[Frame], calibrations: &[Calibration]) -> Vec<Frame> {
+    let mut frames = frames.to_vec();
+    calibrations.iter().for_each(|calibration| calibration.apply(&mut frames));
+    frames
 }
 
 /// The camera that a frame has after it: where none was found, a pose found anew leaves only given intrinsics.

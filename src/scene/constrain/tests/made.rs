@@ -94,7 +94,7 @@ fn frame(folder: &Path, view: &View, rendered: &RenderedView) -> Frame {
         width,
         height,
         picture: PictureSource::File { path: picture, orientation },
-        depth: Some(DepthSource::Sensor { path: depth, unit: Scene::DEPTH_UNIT_M, orientation }),
+        depth: Some(DepthSource::Sensor { path: depth, unit: Scene::DEPTH_UNIT_M, orientation, camera: None }),
         camera: Some(view.frame_camera()),
     }
 }

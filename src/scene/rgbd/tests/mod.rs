@@ -1,5 +1,6 @@
 //! A made room, recorded by hand.
 
 mod aligning;
+mod calibrating;
 mod recording;
 mod room;

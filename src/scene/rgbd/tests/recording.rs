@@ -14,19 +14,19 @@ use crate::scene::sfm::matching::NearestMatcher;
 use crate::scene::sfm::{FeatureError, FeatureMatcher, Features, Outcome, Sift};
 
 /// A recording on disk and where the camera truly stood.
-struct Recording {
+pub struct Recording {
     folder: tempfile::TempDir,
-    frames: Vec<Frame>,
-    truth: Vec<Pose>,
+    pub frames: Vec<Frame>,
+    pub truth: Vec<Pose>,
 }
 
 impl Recording {
-    fn new() -> Self {
+    pub fn new() -> Self {
         Self { folder: tempfile::tempdir().unwrap(), frames: Vec::new(), truth: Vec::new() }
     }
 
     /// Records the steps of a hand.
-    fn of(steps: impl IntoIterator<Item = usize>) -> Self {
+    pub fn of(steps: impl IntoIterator<Item = usize>) -> Self {
         let mut recording = Self::new();
         for step in steps {
             let pose = hand_at(step as f64);
@@ -35,7 +35,7 @@ impl Recording {
         recording
     }
 
-    fn add(&mut self, (image, depth): &(Image, DepthMap), truth: Pose) {
+    pub fn add(&mut self, (image, depth): &(Image, DepthMap), truth: Pose) {
         let number = self.frames.len();
         let path = |kind: &str| self.folder.path().join(format!("{kind}{number:03}.png"));
         write(&path("c"), &path("d"), image, depth);
@@ -44,13 +44,18 @@ impl Recording {
             width: image.width,
             height: image.height,
             picture: PictureSource::File { path: path("c"), orientation: Default::default() },
-            depth: Some(DepthSource::Sensor { path: path("d"), unit: 0.0005, orientation: Default::default() }),
+            depth: Some(DepthSource::Sensor {
+                path: path("d"),
+                unit: 0.0005,
+                orientation: Default::default(),
+                camera: None,
+            }),
             camera: Some(FrameCamera::given(camera(), None)),
         });
         self.truth.push(truth);
     }
 
-    fn register(&self, matcher: &dyn FeatureMatcher, every: usize) -> Result<RgbdResult, RgbdError> {
+    pub fn register(&self, matcher: &dyn FeatureMatcher, every: usize) -> Result<RgbdResult, RgbdError> {
         self.register_with(matcher, every, &Progress::default())
     }
 
@@ -86,7 +91,7 @@ impl Recording {
 
     /// Of each frame with a camera: how far its centre (metres) and its axes (degrees) are off after alignment by the
     /// centres of those in `sound`.
-    fn errors(&self, result: &RgbdResult, sound: &[usize]) -> Vec<(usize, f64, f64)> {
+    pub fn errors(&self, result: &RgbdResult, sound: &[usize]) -> Vec<(usize, f64, f64)> {
         let pose = |frame: usize| result.cameras[&frame].camera_from_world.unwrap();
         // A point before each camera too: a hand's path alone is too straight to tell how it is turned.
         let points = |pose: &Pose| [DVec3::ZERO, DVec3::Z, DVec3::X].map(|point| pose.inverse().transform(point));

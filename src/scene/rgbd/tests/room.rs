@@ -39,7 +39,11 @@ pub fn hand_at(step: f64) -> Pose {
 
 /// What the camera sees; depth scatters by `noise` times its square, metres.
 pub fn seen(camera_from_world: &Pose, noise: f64, seed: u64) -> (Image, DepthMap) {
-    let camera = camera();
+    seen_through(&camera(), camera_from_world, noise, seed)
+}
+
+/// What another camera sees.
+pub fn seen_through(camera: &Camera, camera_from_world: &Pose, noise: f64, seed: u64) -> (Image, DepthMap) {
     let world_from_camera = camera_from_world.inverse();
     let rng = &mut Pcg64Mcg::seed_from_u64(seed);
     let (mut pixels, mut depths) = (Vec::new(), Vec::new());

@@ -1,0 +1,129 @@
+use glam::{Vec2, Vec3};
+use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
+
+use super::pairs::{Pair, Shared};
+use super::parallax::{Parallax, UNKNOWNS};
+use crate::scene::rgbd::pyramid::{LEVELS, Level};
+
+type Matrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+type Vector = SVector<f64, UNKNOWNS>;
+
+/// Steps at most per level.
+const STEPS: usize = 20;
+/// Step, over what is taken to be usual, at which a level has converged.
+const CONVERGED: f64 = 1e-4;
+/// Degrees of freedom of the t-distribution that errors are taken to follow.
+const FREEDOM: f32 = 5.0;
+/// Standard deviations that the unknowns are taken to have before any picture is seen. A principal point off and a camera aside
+/// look nearly the same; sensors have their cameras centimetres aside, and their principal points within some pixels.
+const USUAL: [f64; UNKNOWNS] = [0.1, 0.02, 0.005, 0.005, 0.03, 0.03];
+/// Pixels that tell as much as one that is independent of all others.
+const ALIKE: f64 = 300.0;
+/// The finest level that is looked at.
+const LEVEL: usize = 1;
+/// The least standard deviation of luma.
+const LEAST_SPREAD: f32 = 4e-3;
+
+/// The parallax under which the pictures of pairs show the same where their depths do: Gauss–Newton steps on brightness,
+/// coarse to fine. Where nothing is told it is what was taken to be.
+#[must_use]
+pub fn fit(pairs: &[&Pair]) -> Parallax {
+    let usual = Vector::from(USUAL);
+    let held = usual.map(|spread| spread.powi(-2));
+    let mut unknowns = Vector::zeros();
+    let parallax = |unknowns: &Vector| Parallax::of(std::array::from_fn(|i| unknowns[i] as f32));
+    for level in (LEVEL..LEVELS).rev() {
+        let shared: Vec<Vec<Shared>> = pairs.par_iter().map(|pair| pair.shared(level)).collect();
+        for _ in 0..STEPS {
+            let at = parallax(&unknowns);
+            let of_pair = |(pair, shared): (&&Pair, &Vec<Shared>)| Sums::of(pair, shared, level, &at);
+            let sums: Vec<Sums> = pairs.par_iter().zip(&shared).map(of_pair).collect();
+            let hessian = sums.iter().fold(Matrix::from_diagonal(&held), |all, one| all + one.hessian / ALIKE);
+            let gradient = sums.iter().fold(held.component_mul(&unknowns), |all, one| all + one.gradient / ALIKE);
+            let Some(solved) = hessian.cholesky() else { break };
+            let step = solved.solve(&-gradient);
+            unknowns += step;
+            if step.component_div(&usual).amax() < CONVERGED {
+                break;
+            }
+        }
+    }
+    parallax(&unknowns)
+}
+
+/// How much luma differs under a parallax where the depths of pairs show the same, as a share of its standard deviation.
+#[must_use]
+pub fn error(pairs: &[&Pair], parallax: &Parallax) -> f64 {
+    let of_pair = |pair: &&Pair| {
+        let seen = |shared: &Shared| {
+            Some([seen(pair, LEVEL, shared, 0, parallax)?.0, seen(pair, LEVEL, shared, 1, parallax)?.0])
+        };
+        unlikeness(&pair.shared(LEVEL).iter().filter_map(seen).collect::<Vec<[f32; 2]>>())
+    };
+    pairs.par_iter().map(of_pair).collect::<Vec<f64>>().iter().sum::<f64>() / pairs.len().max(1) as f64
+}
+
+/// Mean difference of luma less its mean, over the standard deviation in the first of both views.
+fn unlikeness(points: &[[f32; 2]]) -> f64 {
+    let mean = |value: &dyn Fn([f32; 2]) -> f64| {
+        points.iter().map(|&point| value(point)).sum::<f64>() / points.len().max(1) as f64
+    };
+    let brighter = mean(&|[a, b]| f64::from(b - a));
+    let middle = mean(&|[a, _]| f64::from(a));
+    let spread = mean(&|[a, _]| (f64::from(a) - middle).powi(2)).sqrt();
+    mean(&|[a, b]| (f64::from(b - a) - brighter).abs()) / spread.max(f64::from(LEAST_SPREAD))
+}
+
+/// Luma where a view of a pair sees a point, with its slope on the plane at depth 1; `None` where it does not see it.
+fn seen(pair: &Pair, level: usize, shared: &Shared, view: usize, parallax: &Parallax) -> Option<(f32, Vec2)> {
+    let level: &Level = &pair.views[view].levels[level];
+    let at_px = parallax.project(shared[view]) * level.focal + level.principal;
+    level.grey_at(at_px).map(|(luma, slope)| (luma, slope * level.focal))
+}
+
+/// Sums over the points of a pair.
+struct Sums {
+    hessian: Matrix,
+    gradient: Vector,
+}
+
+impl Sums {
+    /// One pair counts by its own spread and difference in brightness.
+    fn of(pair: &Pair, shared: &[Shared], level: usize, parallax: &Parallax) -> Self {
+        let turn = pair.turn_of_picture();
+        let told = |shared: &Shared| {
+            let seen = |view: usize| seen(pair, level, shared, view, parallax);
+            let ((a, slope_a), (b, slope_b)) = (seen(0)?, seen(1)?);
+            // How a small shift in the source's picture shows in the target's.
+            let carried = turn * (shared[0].z / shared[1].z);
+            // Both slopes are of one texture. Told apart, as they are far from the solution, they would tell of themselves.
+            let slope = 0.5 * (slope_b + carried.inverse().transpose() * slope_a);
+            let [by_a, by_b] = shared.map(|point: Vec3| parallax.slopes(point));
+            Some((b - a, Vector::from_fn(|i, _| f64::from(slope.dot(by_b[i] - carried * by_a[i])))))
+        };
+        let told: Vec<(f32, Vector)> = shared.iter().filter_map(told).collect();
+        let (brighter, spread) = middle(told.iter().map(|told| told.0).collect());
+        let mut sums = Self { hessian: Matrix::zeros(), gradient: Vector::zeros() };
+        for (difference, by) in told {
+            let error = (difference - brighter) / spread;
+            let weight = f64::from((FREEDOM + 1.0) / (FREEDOM + error * error));
+            let by = by / f64::from(spread);
+            sums.hessian += weight * by * by.transpose();
+            sums.gradient += weight * f64::from(error) * by;
+        }
+        sums
+    }
+}
+
+/// The median and a standard deviation from the median distance to it.
+fn middle(mut values: Vec<f32>) -> (f32, f32) {
+    if values.is_empty() {
+        return (0.0, LEAST_SPREAD);
+    }
+    let at = values.len() / 2;
+    let median = *values.select_nth_unstable_by(at, f32::total_cmp).1;
+    values.iter_mut().for_each(|value| *value = (*value - median).abs());
+    let spread = 1.4826 * *values.select_nth_unstable_by(at, f32::total_cmp).1;
+    (median, spread.max(LEAST_SPREAD))
+}

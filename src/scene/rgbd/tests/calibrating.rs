@@ -1,0 +1,117 @@
+use glam::{DQuat, DVec3};
+
+use super::recording::Recording;
+use super::room::{camera, hand_at, seen, seen_through};
+use crate::engine::job::Progress;
+use crate::frames::{DepthSource, FrameStore};
+use crate::geometry::{Camera, Distortion, Pose};
+use crate::scene::rgbd::{Calibration, calibrate};
+use crate::scene::sfm::matching::NearestMatcher;
+
+/// The pictures' camera of a sensor as it is: a shorter focal length, beside that of the depths and a little turned.
+fn beside() -> (Camera, Pose) {
+    let picture = Camera::pinhole(320, 240, 264.0, 264.0, 159.8, 119.6);
+    let picture_from_depth =
+        Pose { rotation: DQuat::from_rotation_z(0.006), translation: DVec3::new(-0.026, 0.001, 0.0) };
+    (picture, picture_from_depth)
+}
+
+/// A recording by two cameras side by side; the truth is that of the pictures.
+fn by_two_cameras(steps: usize) -> Recording {
+    let (picture, picture_from_depth) = beside();
+    let mut recording = Recording::new();
+    for step in 0..steps {
+        let depth_pose = hand_at(step as f64);
+        let pose = picture_from_depth.compose(&depth_pose);
+        let (image, _) = seen_through(&picture, &pose, 0.0, 0);
+        let (_, depth) = seen(&depth_pose, 0.0015, step as u64);
+        recording.add(&(image, depth), pose);
+    }
+    recording
+}
+
+fn found(recording: &Recording) -> Vec<Calibration> {
+    calibrate(&recording.frames, &FrameStore::new(64 << 20), &Progress::default()).unwrap()
+}
+
+/// How far the picture's corners are off at two metres, pixels.
+fn off_px(found: &Calibration) -> f64 {
+    let (picture, picture_from_depth) = beside();
+    let off = |x: f64, y: f64| {
+        let point = camera().unproject(glam::DVec2::new(x, y)).extend(1.0) * 2.0;
+        let truth = picture.project(picture_from_depth.transform(point)).unwrap();
+        truth.distance(found.picture.project(found.depth.picture_from_depth.transform(point)).unwrap())
+    };
+    [off(0.0, 0.0), off(320.0, 0.0), off(0.0, 240.0), off(320.0, 240.0)].into_iter().fold(0.0, f64::max)
+}
+
+#[test]
+fn a_camera_beside_the_depths_is_found_and_the_recording_placed_by_it() {
+    let mut recording = by_two_cameras(18);
+    let calibrations = found(&recording);
+    assert_eq!(calibrations.len(), 1);
+    let calibration = &calibrations[0];
+    assert_eq!(calibration.frames, (0..18).collect::<Vec<_>>());
+    assert_eq!(calibration.depth.intrinsics, camera(), "the depths' camera is the one that was given");
+    // As they were taken to lie, the corners are 18 pixels off.
+    assert!(off_px(calibration) < 2.5, "{} px: {calibration}", off_px(calibration));
+    calibration.apply(&mut recording.frames);
+    let result = recording.register(&NearestMatcher::for_bytes(), 1).unwrap();
+    assert_eq!(result.cameras.len(), 18);
+    assert!(result.cameras.values().all(|camera| camera.intrinsics == calibration.picture));
+    let all: Vec<usize> = result.cameras.keys().copied().collect();
+    for (frame, off, turn) in recording.errors(&result, &all) {
+        assert!(off < 0.01 && turn < 0.3, "frame {frame}: {off} m, {turn} deg");
+    }
+    assert_eq!(found(&recording), [], "what has cameras of its own is left");
+}
+
+#[test]
+fn pictures_that_lie_on_their_depths_are_left() {
+    assert_eq!(found(&Recording::of(0..18)), []);
+}
+
+#[test]
+fn more_frames_of_a_known_sensor_take_its_cameras() {
+    let mut recording = by_two_cameras(18);
+    let whole = found(&recording).remove(0);
+    Calibration { frames: (0..16).collect(), ..whole }.apply(&mut recording.frames);
+    // Two frames alone would tell nothing.
+    assert_eq!(found(&recording), [Calibration { frames: vec![16, 17], ..whole }]);
+}
+
+#[test]
+fn too_few_frames_and_calibrated_lenses_are_left() {
+    assert_eq!(found(&by_two_cameras(5)), []);
+    let mut recording = by_two_cameras(18);
+    for frame in &mut recording.frames {
+        frame.camera.as_mut().unwrap().intrinsics.distortion = Distortion::Radial { k: [0.01, 0.0] };
+    }
+    assert_eq!(found(&recording), []);
+}
+
+#[test]
+fn depth_of_another_size_is_seen_in_the_pictures() {
+    let (picture, picture_from_depth) = beside();
+    let mut recording = by_two_cameras(1);
+    let larger = Camera {
+        width: 640,
+        height: 480,
+        focal_px: 2.0 * picture.focal_px,
+        principal_px: 2.0 * picture.principal_px,
+        ..picture
+    };
+    let (image, exact) = seen_through(&larger, &recording.truth[0], 0.0, 0);
+    let (_, depth) = seen(&hand_at(0.0), 0.0, 0);
+    recording.add(&(image, depth), recording.truth[0]);
+    let frame = &mut recording.frames[1];
+    frame.camera.as_mut().unwrap().intrinsics = larger;
+    let Some(DepthSource::Sensor { camera: own, .. }) = &mut frame.depth else { panic!("a sensor's") };
+    *own = Some(Box::new(crate::frames::DepthCamera { intrinsics: camera(), picture_from_depth }));
+    let seen = FrameStore::new(64 << 20).depth(frame).unwrap().unwrap();
+    let mut off: Vec<f32> =
+        seen.depths.iter().zip(&exact.depths).filter(|(seen, _)| **seen > 0.0).map(|(a, b)| (a - b).abs()).collect();
+    assert!(off.len() > 640 * 480 * 8 / 10, "{} pixels known", off.len());
+    off.sort_by(f32::total_cmp);
+    assert!(off[off.len() * 95 / 100] < 0.002, "{} m", off[off.len() * 95 / 100]);
+}
