@@ -53,7 +53,7 @@ fn a_kitchen_without_cameras() {
     // How much of that is the truth's, which is a tracker's too: the depths of frames far apart meet more often by what was
     // found.
     let given = recording(&set, &[&["--cameras", set.join("sparse").to_str().unwrap()], &INTRINSICS[..]].concat());
-    let [ours, theirs] = [&project, &given].map(|project| shares_that_meet(project));
+    let [ours, theirs] = [&project, &given].map(shares_that_meet);
     println!(
         "kitchen: of the depths of frames 10, 20, 40 apart meet {ours:.3?} by what was found, {theirs:.3?} by what was given"
     );
