@@ -50,8 +50,8 @@ fn a_kitchen_without_cameras() {
         println!("kitchen by depth {}: {:.2} cm, rotation {rotation:.2}°", align.join(" "), 100.0 * centre);
         assert!(centre <= 0.03 && rotation <= most_deg, "{centre} {rotation}");
     }
-    // How much of that is the truth's, which is a tracker's too: the depths of frames far apart meet more often by what was
-    // found.
+    // Part of that is the truth's, which is a tracker's too: the depths of frames far apart meet more often by what was found,
+    // poses and the pictures' camera together.
     let given = recording(&set, &[&["--cameras", set.join("sparse").to_str().unwrap()], &INTRINSICS[..]].concat());
     let [ours, theirs] = [&project, &given].map(shares_that_meet);
     println!(

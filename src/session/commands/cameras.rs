@@ -8,7 +8,7 @@ use anyhow::{Result, ensure};
 use super::reconstruct::{given, is_posed};
 use crate::engine::job::{Progress, Stopped};
 use crate::frames::cameras::{ModelEncoding, SparsePoints, write_colmap_model};
-use crate::frames::{Frame, FrameCamera, FrameStore};
+use crate::frames::{DepthSource, Frame, FrameCamera, FrameStore};
 use crate::masks::LabelId;
 use crate::scene::rgbd::{Calibration, FrameLink, RgbdOptions, RgbdRequest, RgbdResult, calibrate, register_rgbd};
 use crate::scene::sfm::{
@@ -227,8 +227,15 @@ impl FoundCameras {
     /// # Errors
     /// Where the step cannot be saved.
     pub fn land(mut self, session: &mut Session) -> Result<()> {
-        let changed = self.made_from.frames != session.snapshot()?.frames;
+        let now = session.snapshot()?;
+        let changed = self.made_from.frames != now.frames;
         for edit in &mut self.edits {
+            // Its file may have been moved meanwhile.
+            if let Edit::SetDepth { frame, depth: Some(DepthSource::Sensor { path, .. }) } = edit
+                && let Some(DepthSource::Sensor { path: place, .. }) = &now.frames[*frame].depth
+            {
+                path.clone_from(place);
+            }
             if let Edit::SetResult { record: Some(record), .. } = edit {
                 record.stale = changed && record.version > 0;
             }

@@ -52,16 +52,24 @@ pub fn fit(pairs: &[&Pair]) -> Parallax {
     parallax(&unknowns)
 }
 
-/// How much luma differs under a parallax where the depths of pairs show the same, as a share of its standard deviation.
+/// How much luma differs where the depths of pairs show the same, as a share of its standard deviation: under a parallax, and
+/// under none; over the points that are seen under both. A pair that loses more than half of them counts as no better.
 #[must_use]
-pub fn error(pairs: &[&Pair], parallax: &Parallax) -> f64 {
+pub fn errors(pairs: &[&Pair], parallax: &Parallax) -> [f64; 2] {
     let of_pair = |pair: &&Pair| {
-        let seen = |shared: &Shared| {
-            Some([seen(pair, LEVEL, shared, 0, parallax)?.0, seen(pair, LEVEL, shared, 1, parallax)?.0])
+        let shared = pair.shared(LEVEL);
+        let told = |shared: &Shared, parallax: &Parallax| {
+            let luma = |view: usize| seen(pair, LEVEL, shared, view, parallax).map(|seen| seen.0);
+            Some([luma(0)?, luma(1)?])
         };
-        unlikeness(&pair.shared(LEVEL).iter().filter_map(seen).collect::<Vec<[f32; 2]>>())
+        let both =
+            shared.iter().filter_map(|shared| Some((told(shared, parallax)?, told(shared, &Parallax::default())?)));
+        let (with, without): (Vec<[f32; 2]>, Vec<[f32; 2]>) = both.unzip();
+        let before = unlikeness(&without);
+        [if 2 * with.len() < shared.len() { before } else { unlikeness(&with) }, before]
     };
-    pairs.par_iter().map(of_pair).collect::<Vec<f64>>().iter().sum::<f64>() / pairs.len().max(1) as f64
+    let all: Vec<[f64; 2]> = pairs.par_iter().map(of_pair).collect();
+    [0, 1].map(|which| all.iter().map(|errors| errors[which]).sum::<f64>() / all.len().max(1) as f64)
 }
 
 /// Mean difference of luma less its mean, over the standard deviation in the first of both views.

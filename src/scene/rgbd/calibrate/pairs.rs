@@ -1,3 +1,5 @@
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use glam::{Mat2, Mat3, Vec3};
 use rayon::prelude::*;
 
@@ -88,13 +90,14 @@ impl Recording<'_> {
     /// # Errors
     /// When stopped.
     pub fn pairs(&self, progress: &Progress) -> Result<Vec<Pair>, Stopped> {
+        let done = AtomicUsize::new(0);
+        let count = PAIRS.min(self.numbers.len());
         let from = |at: usize| {
-            progress.check()?;
+            progress.step(done.fetch_add(1, Ordering::Relaxed), count)?;
             let Some(source) = self.view(self.numbers[at]) else { return Ok(None) };
             let mut gaps = GAPS.into_iter().filter_map(|gap| self.view(*self.numbers.get(at + gap)?));
             Ok(gaps.find_map(|target| Pair::of([&source, &target])))
         };
-        let count = PAIRS.min(self.numbers.len());
         let firsts: Vec<usize> = (0..count).map(|k| k * self.numbers.len() / count).collect();
         let pairs: Vec<Option<Pair>> = firsts.into_par_iter().map(from).collect::<Result<_, Stopped>>()?;
         Ok(pairs.into_iter().flatten().collect())

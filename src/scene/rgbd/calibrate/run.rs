@@ -1,6 +1,6 @@
 use std::fmt;
 
-use super::fit::{error, fit};
+use super::fit::{errors, fit};
 use super::pairs::{Pair, Recording};
 use super::parallax::Parallax;
 use crate::engine::job::{Progress, Stopped};
@@ -97,7 +97,8 @@ fn of_same_sensor(frames: &[Frame], given: &Camera) -> Option<(Camera, DepthCame
 fn lenses(frames: &[Frame]) -> Vec<(Camera, Vec<usize>)> {
     let mut lenses: Vec<(Camera, Vec<usize>)> = Vec::new();
     for (number, frame) in frames.iter().enumerate() {
-        let Some(camera) = frame.camera.as_ref().map(|camera| camera.intrinsics) else { continue };
+        let given = frame.camera.as_ref().filter(|camera| !camera.estimated);
+        let Some(camera) = given.map(|camera| camera.intrinsics) else { continue };
         if !frame.has_sensor_depth() || depth_camera(frame).is_some() || camera.distortion != Distortion::None {
             continue;
         }
@@ -115,15 +116,17 @@ fn parallax(recording: &Recording<'_>, progress: &Progress) -> Result<Option<Par
     if pairs.len() < LEAST_PAIRS {
         return Ok(None);
     }
-    let found = fit(&pairs.iter().collect::<Vec<&Pair>>());
+    let all: Vec<&Pair> = pairs.iter().collect();
+    let found = fit(&all);
     let halves = [0, 1].map(|odd| pairs.iter().skip(odd).step_by(2).collect::<Vec<&Pair>>());
     let of_half = halves.each_ref().map(|half| fit(half));
-    let is_better = |half: usize| {
-        let others = &halves[1 - half];
-        error(others, &of_half[half]) < BETTER * error(others, &Parallax::default())
+    let is_better = |pairs: &[&Pair], parallax: &Parallax| {
+        let [with, without] = errors(pairs, parallax);
+        with < BETTER * without
     };
     let typical = pairs.iter().map(Pair::typical_depth).sum::<f32>() / pairs.len() as f32;
     let apart = |a: &Parallax, b: &Parallax| a.apart(b, &recording.camera, typical);
     let agree = apart(&of_half[0], &of_half[1]) < AGREE * apart(&found, &Parallax::default());
-    Ok((agree && is_better(0) && is_better(1)).then_some(found))
+    let better = is_better(&halves[1], &of_half[0]) && is_better(&halves[0], &of_half[1]) && is_better(&all, &found);
+    Ok((agree && better).then_some(found))
 }
