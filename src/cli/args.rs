@@ -161,6 +161,12 @@ pub(super) struct SourceArgs {
     /// Metres per step of the stored depth.
     #[arg(long, default_value = "0.001", value_name = "METRES_PER_STEP", value_parser = values::positive)]
     pub depth_unit: f64,
+    /// Intrinsics of the camera that measured the depths, where they do not lie on the pictures pixel for pixel.
+    #[arg(long, value_name = "FX,FY,CX,CY|FILE", value_parser = values::intrinsics)]
+    pub depth_intrinsics: Option<IntrinsicsSource>,
+    /// 4 × 4 matrix that takes points of the depth camera to the pictures' camera; without it both stand in one place.
+    #[arg(long, value_name = "FILE", requires = "depth_intrinsics")]
+    pub depth_pose: Option<PathBuf>,
     /// Cameras: COLMAP model, transforms.json, trajectory, pose files …
     #[arg(long, value_name = "PATH")]
     pub cameras: Option<PathBuf>,

@@ -4,6 +4,7 @@ use anyhow::{Result, bail};
 use clap::ArgMatches;
 
 use super::args::SourceArgs;
+use crate::frames::cameras::DepthCameraSource;
 use crate::frames::{FrameFolder, OpenRequest};
 use crate::session::NewProject;
 
@@ -11,9 +12,12 @@ use crate::session::NewProject;
 pub(super) fn new_project(root: PathBuf, args: SourceArgs, matches: &ArgMatches) -> Result<NewProject> {
     let places = |name: &str| -> Vec<usize> { matches.indices_of(name).into_iter().flatten().collect() };
     let sources = pair(&args.frames, &places("frames"), &args.depth, &places("depth"))?;
+    let pose = args.depth_pose;
+    let depth_camera = args.depth_intrinsics.map(|intrinsics| DepthCameraSource { intrinsics, pose });
+    let (depth_unit, every, from, to) = (args.depth_unit, args.every, args.from, args.to);
     Ok(NewProject {
         root,
-        open: OpenRequest { sources, depth_unit: args.depth_unit, every: args.every, from: args.from, to: args.to },
+        open: OpenRequest { sources, depth_unit, depth_camera, every, from, to },
         cameras: args.cameras,
         intrinsics: args.intrinsics,
     })

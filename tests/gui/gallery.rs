@@ -88,7 +88,7 @@ fn shelf() -> Desk {
     let Some(dir) = support::data_dir().map(|dir| dir.join("apc_shelf_rgbd_labels")) else { return desk };
     let (progress, depth) = (Progress::default(), Some(dir.join("depth")));
     let sources = vec![FrameFolder { frames: dir.join("color"), depth }];
-    let request = OpenRequest { sources, depth_unit: 0.001, every: 1, from: None, to: None };
+    let request = OpenRequest { sources, ..OpenRequest::default() };
     let mut frames = ostra::frames::open(&request, &progress).unwrap().frames;
     GivenCameras::read(&dir.join("sparse")).unwrap().match_to(&mut frames).unwrap();
     let cloud = read_ply(&dir.join("reference_labelled_cloud.ply"), &progress).unwrap().cloud;

@@ -60,7 +60,7 @@ fn pictures(dir: &Path) {
 fn open(harness: &mut Shown, dir: &Path) {
     pictures(dir);
     let sources = vec![FrameFolder { frames: dir.to_owned(), depth: None }];
-    let open = OpenRequest { sources, depth_unit: 0.001, every: 1, from: None, to: None };
+    let open = OpenRequest { sources, ..OpenRequest::default() };
     let root = dir.join("project");
     inner(harness).act(Command::New(NewProject { root, open, cameras: None, intrinsics: None }));
     until(harness, "the project is open", |harness| harness.query_by_label("Frame 2, no mask").is_some());
@@ -99,7 +99,7 @@ fn fused(dir: &Path) -> std::path::PathBuf {
     let masks = dir.join("truth/masks");
     std::fs::copy(dir.join("truth/labels.json"), masks.join("labels.json")).unwrap();
     let sources = vec![FrameFolder { frames: dir.join("color"), depth: Some(dir.join("depth")) }];
-    let open = OpenRequest { sources, depth_unit: Scene::DEPTH_UNIT_M, every: 1, from: None, to: None };
+    let open = OpenRequest { sources, depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() };
     let (root, cameras) = (dir.join("project"), Some(dir.join("sparse")));
     let mut session = Session::new();
     for command in [

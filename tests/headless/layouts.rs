@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use image::{ImageBuffer, Luma, Rgb, RgbImage};
+use ostra::session::{Command, Session};
 
+use super::session::perform;
 use super::sfm::{Project, ostra};
 
 /// Frames in each recording.
@@ -105,6 +107,49 @@ fn scannet() {
     let intrinsics = write(&root.path().join("intrinsic/intrinsic_color.txt"), intrinsics);
     let poses = root.path().join("pose").display().to_string();
     opens(root.path(), "color", "depth", &["--cameras", &poses, "--intrinsics", &intrinsics], &[2]);
+}
+
+/// As ScanNet's and RealSense's frames lie on the disk before anything is aligned.
+#[test]
+fn depths_of_a_camera_of_their_own() {
+    let root = tempfile::tempdir().unwrap();
+    let path = |name: &str| root.path().join(name);
+    std::fs::create_dir_all(path("color")).unwrap();
+    std::fs::create_dir_all(path("depth")).unwrap();
+    RgbImage::from_pixel(128, 96, Rgb([90, 120, 60])).save(path("color/0.png")).unwrap();
+    // A board before a wall.
+    let is_board = |x: u32, y: u32| (24..40).contains(&x) && (16..32).contains(&y);
+    let depth = |x, y| Luma([if is_board(x, y) { 1500 } else { 3000 }]);
+    ImageBuffer::<Luma<u16>, Vec<u16>>::from_fn(64, 48, depth).save(path("depth/0.png")).unwrap();
+    let matrix = |focal, x, y| format!("{focal} 0 {x} 0\n0 {focal} {y} 0\n0 0 1 0\n0 0 0 1\n");
+    let of_color = write(&path("intrinsic/intrinsic_color.txt"), &matrix(120, 63.5, 47.5));
+    let of_depth = write(&path("intrinsic/intrinsic_depth.txt"), &matrix(60, 31.5, 23.5));
+    let aside = write(&path("depth_to_color.txt"), "1 0 0 0.05\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+    let (color, depths) = (path("color").display().to_string(), path("depth").display().to_string());
+    let asked =
+        ["--depth", &depths, "--intrinsics", &of_color, "--depth-intrinsics", &of_depth, "--depth-pose", &aside];
+    let project = Project::new(&path("color"), &asked);
+
+    let mut session = Session::new();
+    perform(&mut session, Command::Open(project.root().into())).unwrap();
+    let frame = session.project().unwrap().frames[0].clone();
+    let seen = session.store().depth(&frame).unwrap().unwrap();
+    assert_eq!((seen.width, seen.height), (128, 96));
+    // The board moves by 4 px to the right, the wall by 2; what the board hides from the depth camera stays unknown.
+    for (x, depth) in [(45, 3.0), (51, 0.0), (54, 1.5), (68, 1.5), (82, 1.5), (86, 3.0)] {
+        assert!((seen.at(x, 48) - depth).abs() < 1e-3, "{x}: {} is not {depth}", seen.at(x, 48));
+    }
+
+    let place = path("refused").display().to_string();
+    let refused = |more: &[&str]| {
+        let refused = ostra(&[&["new", &place, "--frames", &color][..], more].concat());
+        assert_eq!(refused.status.code(), Some(1));
+        String::from_utf8_lossy(&refused.stderr).into_owned()
+    };
+    assert!(refused(&asked[..4]).contains("--depth-intrinsics"));
+    assert!(refused(&["--depth", &depths, "--depth-intrinsics", &of_depth]).contains("--intrinsics or --cameras"));
+    assert!(refused(&["--intrinsics", &of_color, "--depth-intrinsics", &of_depth]).contains("--depth)"));
+    assert!(!path("refused").exists());
 }
 
 #[test]

@@ -2,13 +2,13 @@ use std::path::PathBuf;
 
 use egui::{DragValue, Grid, TextEdit, Ui};
 
-use super::picker::{Pick, PickTarget, path_field_ui};
+use super::picker::{PathPicker, Pick, PickTarget, path_field_ui};
 use super::sources::{SourceForm, sources_ui};
 use crate::app::tips::{field, modal, section_heading};
 use crate::app::view_state::typed_path;
 use crate::app::{Dialog, ViewState};
 use crate::frames::OpenRequest;
-use crate::frames::cameras::IntrinsicsSource;
+use crate::frames::cameras::{DepthCameraSource, IntrinsicsSource};
 use crate::session::{Command, NewProject};
 
 /// The dialog for a new project (and for more frames) as typed so far.
@@ -21,6 +21,9 @@ pub struct NewProjectForm {
     pub(super) cameras: String,
     intrinsics: String,
     depth_unit: f64,
+    depth_intrinsics: String,
+    /// Where the depth camera stands.
+    pub(super) depth_pose: String,
     every: usize,
     from: Option<usize>,
     to: Option<usize>,
@@ -34,6 +37,8 @@ impl Default for NewProjectForm {
             cameras: String::new(),
             intrinsics: String::new(),
             depth_unit: 0.001,
+            depth_intrinsics: String::new(),
+            depth_pose: String::new(),
             every: 1,
             from: None,
             to: None,
@@ -87,20 +92,43 @@ impl NewProjectForm {
         }
         Ok(NewProject {
             root,
-            open: OpenRequest { sources, depth_unit: self.depth_unit, every: self.every, from: self.from, to: self.to },
+            open: OpenRequest {
+                sources,
+                depth_unit: self.depth_unit,
+                depth_camera: self.depth_camera()?,
+                every: self.every,
+                from: self.from,
+                to: self.to,
+            },
             cameras: typed_path(&self.cameras),
-            intrinsics: self.intrinsics()?,
+            intrinsics: intrinsics(&self.intrinsics)?,
         })
     }
 
-    fn intrinsics(&self) -> Result<Option<IntrinsicsSource>, String> {
-        let text = self.intrinsics.trim();
-        let source = (!text.is_empty()).then(|| text.parse()).transpose()?;
-        Ok(source.map(|source| match source {
-            IntrinsicsSource::File(path) => IntrinsicsSource::File(typed_path(text).unwrap_or(path)),
-            values => values,
-        }))
+    fn has_depth(&self) -> bool {
+        self.sources.iter().any(|source| !source.depth.trim().is_empty())
     }
+
+    fn depth_camera(&self) -> Result<Option<DepthCameraSource>, String> {
+        if !self.has_depth() {
+            return Ok(None);
+        }
+        let pose = typed_path(&self.depth_pose);
+        let given = intrinsics(&self.depth_intrinsics).map_err(|what| format!("Depth camera: {what}"))?;
+        if given.is_none() && pose.is_some() {
+            return Err("Give the depth camera's intrinsics with its pose".into());
+        }
+        Ok(given.map(|intrinsics| DepthCameraSource { intrinsics, pose }))
+    }
+}
+
+fn intrinsics(text: &str) -> Result<Option<IntrinsicsSource>, String> {
+    let text = text.trim();
+    let source = (!text.is_empty()).then(|| text.parse()).transpose()?;
+    Ok(source.map(|source| match source {
+        IntrinsicsSource::File(path) => IntrinsicsSource::File(typed_path(text).unwrap_or(path)),
+        values => values,
+    }))
 }
 
 /// The dialog for a new project, or for more frames in the open one.
@@ -123,11 +151,8 @@ pub(in crate::app) fn new_project_ui(ui: &Ui, view: &mut ViewState, dialog: Dial
 fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
     let (form, picker) = (&mut view.new_project, &mut view.picker);
     sources_ui(ui, picker, &mut form.sources);
-    if form.sources.iter().any(|source| !source.depth.trim().is_empty()) {
-        field(ui, "Depth unit", "World units per step of the 16-bit depth: 0.001 for millimetres", |ui| {
-            ui.add(DragValue::new(&mut form.depth_unit).range(1e-9..=1e6).speed(0.0001).max_decimals(9));
-            ui.weak("metres per step");
-        });
+    if form.has_depth() {
+        depth_ui(ui, picker, form);
     }
     ui.label("Cameras")
         .on_hover_text("COLMAP model, transforms.json, TUM or Redwood trajectory, pose files; may stay empty");
@@ -136,13 +161,12 @@ fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
         path_field_ui(ui, picker, ("Cameras file or folder", "none"), &mut form.cameras, target);
     });
     ui.end_row();
-    field(ui, "Intrinsics", "fx, fy, cx, cy in pixels for every frame; may stay empty", |ui| {
-        ui.add(
-            TextEdit::singleline(&mut form.intrinsics)
-                .hint_text("fx, fy, cx, cy, or a file of them")
-                .desired_width(360.0),
-        );
-    });
+    intrinsics_ui(
+        ui,
+        ("Intrinsics", "fx, fy, cx, cy in pixels for every frame; may stay empty"),
+        "fx, fy, cx, cy, or a file of them",
+        &mut form.intrinsics,
+    );
     if new {
         let hint = form.suggested_root().map_or("folder of the project".into(), |path| path.display().to_string());
         ui.label("Project folder").on_hover_text("Where the project is kept; pictures stay where they are");
@@ -152,6 +176,32 @@ fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
         });
         ui.end_row();
     }
+}
+
+fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
+    field(ui, "Depth unit", "World units per step of the 16-bit depth: 0.001 for millimetres", |ui| {
+        ui.add(DragValue::new(&mut form.depth_unit).range(1e-9..=1e6).speed(0.0001).max_decimals(9));
+        ui.weak("metres per step");
+    });
+    let tip = "fx, fy, cx, cy of the camera that measured the depths, in their pixels; empty where depths lie on the \
+               pictures, pixel for pixel";
+    intrinsics_ui(ui, ("Depth camera", tip), "as the pictures'", &mut form.depth_intrinsics);
+    if !form.depth_intrinsics.trim().is_empty() {
+        ui.label("Depth pose").on_hover_text(
+            "A text of the 4 × 4 matrix that takes points of the depth camera to the pictures'; may stay empty",
+        );
+        ui.horizontal(|ui| {
+            let target = (Pick::File, PickTarget::DepthPose);
+            path_field_ui(ui, picker, ("Depth pose", "in the same place"), &mut form.depth_pose, target);
+        });
+        ui.end_row();
+    }
+}
+
+fn intrinsics_ui(ui: &mut Ui, (name, tip): (&str, &str), hint: &str, text: &mut String) {
+    field(ui, name, tip, |ui| {
+        ui.add(TextEdit::singleline(text).hint_text(hint).desired_width(360.0));
+    });
 }
 
 fn range_ui(ui: &mut Ui, form: &mut NewProjectForm) {
@@ -224,5 +274,20 @@ mod tests {
         assert_eq!(form.request(true).unwrap().intrinsics, file);
         form.intrinsics = "500, x".into();
         assert!(form.request(true).unwrap_err().contains("four numbers"));
+    }
+
+    #[test]
+    fn a_depth_camera_belongs_to_depth() {
+        let mut form = NewProjectForm::with_frames("/a".into());
+        form.depth_intrinsics = "580, 580, 320, 240".into();
+        assert_eq!(form.request(true).unwrap().open.depth_camera, None);
+        form.set_depth(0, "/depths".into());
+        let intrinsics = IntrinsicsSource::Values([580.0, 580.0, 320.0, 240.0]);
+        let camera = |pose| Some(DepthCameraSource { intrinsics: intrinsics.clone(), pose });
+        assert_eq!(form.request(true).unwrap().open.depth_camera, camera(None));
+        form.depth_pose = "/depth.txt".into();
+        assert_eq!(form.request(true).unwrap().open.depth_camera, camera(Some("/depth.txt".into())));
+        form.depth_intrinsics.clear();
+        assert!(form.request(true).unwrap_err().contains("intrinsics"));
     }
 }

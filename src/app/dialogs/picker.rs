@@ -27,6 +27,8 @@ pub(in crate::app) enum PickTarget {
     Depth(usize),
     /// Cameras of a new project.
     Cameras,
+    /// Pose of a new project's depth camera.
+    DepthPose,
     /// Folder of a new project.
     Root,
     /// Folder to export into.
@@ -100,6 +102,7 @@ pub(in crate::app) fn take_picked(ctx: &Context, view: &mut ViewState) {
         PickTarget::Frames(index) => view.new_project.set_frames(index, text),
         PickTarget::Depth(index) => view.new_project.set_depth(index, text),
         PickTarget::Cameras => view.new_project.cameras = text,
+        PickTarget::DepthPose => view.new_project.depth_pose = text,
         PickTarget::Root => view.new_project.root = text,
         PickTarget::ExportInto => view.export.into = text,
         PickTarget::Onto => view.onto_text = text,

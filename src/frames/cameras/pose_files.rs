@@ -1,23 +1,29 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::lines::{TextFile, pose_from_rows};
 use super::{CameraKey, GivenCamera};
 use crate::frames::FrameError;
+use crate::geometry::Pose;
 
 /// One 4×4 matrix a file, camera-to-world, as in 7-Scenes (`frame-000123.pose.txt`) and ScanNet (`pose/123.txt`): the
 /// file's name is the picture's. A matrix of infinities, which ScanNet has for frames that were lost, is no camera.
 pub fn read(files: &[PathBuf]) -> Result<Vec<GivenCamera>, FrameError> {
     let mut cameras = Vec::with_capacity(files.len());
     for path in files {
-        let rows: [f64; 16] = TextFile::read(path)?.numbers()?;
-        if rows.iter().any(|number| number.is_infinite()) {
-            continue;
-        }
-        let pose = pose_from_rows(&rows).map_err(|source| FrameError::Geometry { path: path.clone(), source })?;
+        let Some(pose) = read_one(path)? else { continue };
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let name = name.strip_suffix(".txt").unwrap_or(&name);
         let key = CameraKey::Name(name.strip_suffix(".pose").unwrap_or(name).to_owned());
         cameras.push(GivenCamera { key, intrinsics: None, camera_from_world: pose.inverse() });
     }
     Ok(cameras)
+}
+
+/// The pose that a file's 4 × 4 matrix is; `None` for one of infinities.
+pub(super) fn read_one(path: &Path) -> Result<Option<Pose>, FrameError> {
+    let rows: [f64; 16] = TextFile::read(path)?.numbers()?;
+    if rows.iter().any(|number| number.is_infinite()) {
+        return Ok(None);
+    }
+    pose_from_rows(&rows).map(Some).map_err(|source| FrameError::Geometry { path: path.into(), source })
 }

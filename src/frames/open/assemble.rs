@@ -1,18 +1,19 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::headers::read_frames;
+use super::headers::{Sensor, read_frames};
 use super::naming::name_frames;
 use super::request::{OpenRequest, Opened};
 use super::source::{Item, Kind, Listing, Source, stem};
 use crate::engine::job::Progress;
+use crate::frames::cameras::DepthCameraSource;
 use crate::frames::{Frame, FrameError};
 
 /// Lists the sources, pairs depth, reads the headers (in parallel) and names the frames.
 ///
 /// # Errors
 /// [`FrameError`] when a source is missing or empty, a header is damaged, no depth fits or a depth has another size
-/// than its picture, no frame is left by `every`, `from` and `to`, or the user stopped it.
+/// than its picture and no camera of its own, no frame is left by `every`, `from` and `to`, or the user stopped it.
 pub fn open(request: &OpenRequest, progress: &Progress) -> Result<Opened, FrameError> {
     open_more(&[], request, progress)
 }
@@ -25,12 +26,20 @@ pub fn open(request: &OpenRequest, progress: &Progress) -> Result<Opened, FrameE
 pub fn open_more(existing: &[Frame], request: &OpenRequest, progress: &Progress) -> Result<Opened, FrameError> {
     check(request)?;
     progress.stage("open")?;
-    let mut listing = Listing { depth_unit: request.depth_unit, progress, warnings: Vec::new() };
+    let sensor = Sensor {
+        unit: request.depth_unit,
+        camera: request.depth_camera.as_ref().map(DepthCameraSource::read).transpose()?,
+    };
+    let mut listing = Listing { sensor: &sensor, progress, warnings: Vec::new() };
     let sources = request.sources.iter().map(|source| listing.list(source)).collect::<Result<Vec<_>, _>>()?;
     let places = Places::of(&sources);
     let items = new_items(existing, thinned(sources, request)?, &mut listing.warnings)?;
     let items = places.name(items, existing)?;
-    let (frames, warnings) = read_frames(&items, request.depth_unit, progress)?;
+    if sensor.camera.is_some() && items.iter().all(|item| item.depth.is_none()) {
+        let what = "a depth camera is given but no frame has depth; give the folder of depths (--depth)";
+        return Err(FrameError::NotFound(what.into()));
+    }
+    let (frames, warnings) = read_frames(&items, &sensor, progress)?;
     Ok(Opened { frames, warnings: [listing.warnings, warnings].concat() })
 }
 

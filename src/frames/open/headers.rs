@@ -5,23 +5,33 @@ use rayon::prelude::*;
 
 use super::source::{Item, Origin};
 use crate::engine::job::Progress;
+use crate::frames::cameras::GivenDepthCamera;
 use crate::frames::decode::not_depth;
 use crate::frames::header::{Header, read_header};
 use crate::frames::{DepthSource, Frame, FrameError, Orientation, PictureSource};
+use crate::geometry::Turn;
 
 /// How many frames a warning names.
 const NAMED: usize = 3;
 
+/// What is known of the depths of all sources.
+pub(super) struct Sensor {
+    /// World units per step of the stored value.
+    pub unit: f64,
+    /// The camera that measured them; `None` = the pictures'.
+    pub camera: Option<GivenDepthCamera>,
+}
+
 /// Makes frames of listed pictures from their headers, read in parallel; warnings tell what looks odd.
 pub(super) fn read_frames(
     items: &[Item],
-    depth_unit: f64,
+    sensor: &Sensor,
     progress: &Progress,
 ) -> Result<(Vec<Frame>, Vec<String>), FrameError> {
     let done = AtomicUsize::new(0);
     let read = items.par_iter().map(|item| {
         progress.step(done.fetch_add(1, Ordering::Relaxed), items.len())?;
-        frame_of(item, depth_unit)
+        frame_of(item, sensor)
     });
     let read: Vec<Result<(Frame, bool), FrameError>> = read.collect(); // so that the first error is always the same
     let read: Vec<(Frame, bool)> = read.into_iter().collect::<Result<_, _>>()?;
@@ -30,7 +40,7 @@ pub(super) fn read_frames(
 }
 
 /// A frame and whether its picture is one channel of 16 bits.
-fn frame_of(item: &Item, depth_unit: f64) -> Result<(Frame, bool), FrameError> {
+fn frame_of(item: &Item, sensor: &Sensor) -> Result<(Frame, bool), FrameError> {
     let (picture, header) = match &item.origin {
         Origin::File(path) => {
             let header = read_header(path)?;
@@ -43,32 +53,39 @@ fn frame_of(item: &Item, depth_unit: f64) -> Result<(Frame, bool), FrameError> {
     };
     let orientation = header.orientation;
     let (width, height) = orientation.shown_size(header.width, header.height);
-    let depth = item.depth.as_ref().map(|path| {
-        check_depth(path, picture.path(), header)?;
-        Ok::<_, FrameError>(DepthSource::Sensor { path: path.clone(), unit: depth_unit, orientation, camera: None })
-    });
-    let depth = depth.transpose()?;
+    let depth = item.depth.as_ref().map(|path| sensor.depth(path, picture.path(), header)).transpose()?;
     Ok((Frame { name: item.name.clone(), width, height, picture, depth, camera: None }, header.grey16))
 }
 
-fn check_depth(path: &Path, picture_path: &Path, picture: Header) -> Result<(), FrameError> {
-    let depth = read_header(path)?;
-    if !depth.grey16 {
-        return Err(not_depth(path));
+impl Sensor {
+    /// A picture's depth, judged by its header.
+    fn depth(&self, path: &Path, picture_path: &Path, picture: Header) -> Result<DepthSource, FrameError> {
+        let depth = read_header(path)?;
+        if !depth.grey16 {
+            return Err(not_depth(path));
+        }
+        let invalid = |what: String| FrameError::Invalid { path: path.into(), what };
+        let (size, of_picture) = ((depth.width, depth.height), (picture.width, picture.height));
+        let camera = match &self.camera {
+            Some(given) => {
+                let turn = Turn::from_exif(picture.orientation.0).map_err(|error| invalid(error.to_string()))?;
+                Some(Box::new(given.for_depth(size, turn).map_err(invalid)?))
+            }
+            None if size == of_picture => None,
+            None => {
+                return Err(invalid(format!(
+                    "depth of {} × {} pixels does not fit its picture {} of {} × {}; give the camera that measured it \
+                     (--depth-intrinsics), or depth registered to the picture, pixel for pixel",
+                    size.0,
+                    size.1,
+                    picture_path.display(),
+                    of_picture.0,
+                    of_picture.1
+                )));
+            }
+        };
+        Ok(DepthSource::Sensor { path: path.into(), unit: self.unit, orientation: picture.orientation, camera })
     }
-    if (depth.width, depth.height) == (picture.width, picture.height) {
-        return Ok(());
-    }
-    let what = format!(
-        "depth of {} × {} pixels does not fit its picture {} of {} × {}; give depth registered to the colour camera, \
-         pixel for pixel",
-        depth.width,
-        depth.height,
-        picture_path.display(),
-        picture.width,
-        picture.height
-    );
-    Err(FrameError::Invalid { path: path.into(), what })
 }
 
 fn warn_of_missing_depth(read: &[(Frame, bool)]) -> Option<String> {

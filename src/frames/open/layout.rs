@@ -2,6 +2,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::depth::{pair, warn_of_tum_unit, with_depth};
+use super::headers::Sensor;
 use super::listing::Listed;
 use super::natural::natural_order;
 use super::pairing::{says_depth, without_ending, without_role};
@@ -121,7 +122,7 @@ impl Recording {
         let pairs = pair(&self.pictures, &self.depths, &[&self.place], &mut listing.warnings)?;
         let with = with_depth(items, &self.depths, &pairs);
         let (place, count) = (self.place.display(), with.len());
-        if let Some(why) = why_unfit(&with) {
+        if let Some(why) = why_unfit(&with, listing.sensor) {
             listing.warnings.push(format!("{place}: looks like an RGB-D recording but is opened without depth: {why}"));
             return Ok(with.into_iter().map(|item| Item { depth: None, ..item }).collect());
         }
@@ -134,13 +135,13 @@ impl Recording {
             "{place}: taken for an RGB-D recording: {paired} of {count} pictures have depth{left_out}; if that is wrong, \
              name its folders with --frames and --depth"
         ));
-        listing.warnings.extend(warn_of_tum_unit(&self.pictures, listing.depth_unit));
+        listing.warnings.extend(warn_of_tum_unit(&self.pictures, listing.sensor.unit));
         Ok(with)
     }
 }
 
 /// Why depth that nobody asked for cannot be used, judged by the first pair.
-fn why_unfit(items: &[Item]) -> Option<String> {
+fn why_unfit(items: &[Item], sensor: &Sensor) -> Option<String> {
     let Some((picture, depth)) = items.iter().find_map(Item::files_with_depth) else {
         return Some("no depth picture fits a colour picture by name, number or time".into());
     };
@@ -149,7 +150,7 @@ fn why_unfit(items: &[Item]) -> Option<String> {
         return Some("its depth pictures are not grey pictures of 16 bits".into());
     }
     let sizes = ((picture.width, picture.height), (depth.width, depth.height));
-    (sizes.0 != sizes.1).then(|| {
+    (sizes.0 != sizes.1 && sensor.camera.is_none()).then(|| {
         let ((w, h), (depth_w, depth_h)) = sizes;
         format!("depth of {depth_w} × {depth_h} pixels does not fit pictures of {w} × {h}")
     })

@@ -1,6 +1,6 @@
 //! From what the user names (folders, pictures, films, depth) to frames in project order.
 //!
-//! May use: the nouns of frames. Must not touch: pixels beyond headers, cameras.
+//! May use: the nouns of frames, a depth camera that is given. Must not touch: pixels beyond headers, the pictures' cameras.
 
 mod assemble;
 mod depth;

@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::frames::Frame;
+use crate::frames::cameras::DepthCameraSource;
 
 /// What to open: one source after another, thinned.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -12,6 +13,9 @@ pub struct OpenRequest {
     pub sources: Vec<FrameFolder>,
     /// World units (metres) per step of the 16-bit depth value; > 0.
     pub depth_unit: f64,
+    /// The camera that measured the depths, where it is not the pictures'; `None` = depth lies on its picture, pixel for
+    /// pixel.
+    pub depth_camera: Option<DepthCameraSource>,
     /// Takes every so-many-th source frame; ≥ 1.
     pub every: usize,
     /// The first source frame to take, counted from 0 over all sources; `None` = the first of all.
@@ -22,7 +26,7 @@ pub struct OpenRequest {
 
 impl Default for OpenRequest {
     fn default() -> Self {
-        Self { sources: Vec::new(), depth_unit: 0.001, every: 1, from: None, to: None }
+        Self { sources: Vec::new(), depth_unit: 0.001, depth_camera: None, every: 1, from: None, to: None }
     }
 }
 

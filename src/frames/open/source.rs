@@ -1,6 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use super::depth::{pair, warn_of_tum_unit, with_depth};
+use super::headers::Sensor;
 use super::layout::{beside_depth, recognise, split_by_name};
 use super::listing::{Listed, PICTURE_ENDINGS, has_picture_ending, list_pictures, text_of};
 use super::pairing::without_ending;
@@ -51,7 +52,7 @@ pub(super) enum Origin {
 
 /// What listing needs to know besides the source, and what it tells.
 pub(super) struct Listing<'a> {
-    pub depth_unit: f64,
+    pub sensor: &'a Sensor,
     pub progress: &'a Progress,
     pub warnings: Vec<String>,
 }
@@ -106,7 +107,7 @@ impl Listing<'_> {
                  together"
             )));
         }
-        self.warnings.extend(warn_of_tum_unit(&names, self.depth_unit));
+        self.warnings.extend(warn_of_tum_unit(&names, self.sensor.unit));
         Ok(with_depth(items, depths, &pairs))
     }
 }

@@ -106,6 +106,10 @@ fn read_frames(new: &NewProject, progress: &Progress) -> Result<Opened> {
         opened.warnings.extend(warnings);
         opened.frames = thinned(opened.frames, &new.open)?;
     }
+    ensure!(
+        new.open.depth_camera.is_none() || opened.frames.iter().any(|frame| frame.camera.is_some()),
+        "depths of a camera of their own are seen through the pictures'; give that too (--intrinsics or --cameras)"
+    );
     Ok(opened)
 }
 
