@@ -129,6 +129,21 @@ fn a_network_is_fetched_checked_and_remembered() {
 }
 
 #[test]
+fn what_was_refused_is_not_taken_for_the_file_again() {
+    let Some((_, folder)) = ready() else { return };
+    if !curl() {
+        return;
+    }
+    let network = fs::read(folder.join("yolox_nano.onnx")).unwrap();
+    let scratch = tempfile::tempdir().unwrap();
+    let target = scratch.path().join("models");
+    let from = |file: Vec<u8>| install(&catalogue(&serve(file, &[]), None), &target, "xfeat", &mut |_| true);
+    let refused = from(b"<html>There is no such file</html>".to_vec()).unwrap_err();
+    assert!(!target.join("n.onnx").exists() && !target.join("downloads").join("xfeat").exists(), "{refused}");
+    assert_eq!(fs::read(&from(network.clone()).unwrap()[0].path).unwrap(), network);
+}
+
+#[test]
 fn what_has_no_address_says_how_to_get_it() {
     let scratch = tempfile::tempdir().unwrap();
     let error = install(&Catalogue::bundled().unwrap(), scratch.path(), "superpoint", &mut |_| true).unwrap_err();
