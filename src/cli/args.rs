@@ -164,7 +164,8 @@ pub(super) struct SourceArgs {
     /// Intrinsics of the camera that measured the depths, where they do not lie on the pictures pixel for pixel.
     #[arg(long, value_name = "FX,FY,CX,CY|FILE", value_parser = values::intrinsics)]
     pub depth_intrinsics: Option<IntrinsicsSource>,
-    /// 4 × 4 matrix that takes points of the depth camera to the pictures' camera; without it both stand in one place.
+    /// 4 × 4 matrix, row by row, in metres, that takes points of the depth camera to the pictures'; without it both stand in
+    /// one place.
     #[arg(long, value_name = "FILE", requires = "depth_intrinsics")]
     pub depth_pose: Option<PathBuf>,
     /// Cameras: COLMAP model, transforms.json, trajectory, pose files …

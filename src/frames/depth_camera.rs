@@ -14,6 +14,9 @@ pub struct DepthCamera {
     pub intrinsics: Camera,
     /// How the picture's camera stands to this one; world units.
     pub picture_from_depth: Pose,
+    /// It was found with the pictures' camera by comparing pictures with depths, not given.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub estimated: bool,
 }
 
 impl DepthCamera {
@@ -135,7 +138,11 @@ mod tests {
     fn depth_camera() -> DepthCamera {
         let rotation = DQuat::from_rotation_z(0.01);
         let picture_from_depth = Pose { rotation, translation: DVec3::new(-0.025, 0.002, 0.003) };
-        DepthCamera { intrinsics: Camera::pinhole(160, 120, 146.0, 146.0, 80.0, 60.0), picture_from_depth }
+        DepthCamera {
+            intrinsics: Camera::pinhole(160, 120, 146.0, 146.0, 80.0, 60.0),
+            picture_from_depth,
+            estimated: false,
+        }
     }
 
     fn picture() -> Camera {
@@ -195,7 +202,7 @@ mod tests {
     #[test]
     fn the_same_camera_sees_the_same_and_a_lone_pixel_stays() {
         let intrinsics = depth_camera().intrinsics;
-        let camera = DepthCamera { intrinsics, picture_from_depth: Pose::IDENTITY };
+        let camera = DepthCamera { intrinsics, picture_from_depth: Pose::IDENTITY, estimated: false };
         let mut depth = plane(&intrinsics, DVec3::Z, 2.0);
         depth.depths[..40 * 160].fill(0.0);
         depth.depths[20 * 160 + 80] = 1.0;

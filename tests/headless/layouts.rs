@@ -147,7 +147,7 @@ fn depths_of_a_camera_of_their_own() {
         String::from_utf8_lossy(&refused.stderr).into_owned()
     };
     assert!(refused(&asked[..4]).contains("--depth-intrinsics"));
-    assert!(refused(&["--depth", &depths, "--depth-intrinsics", &of_depth]).contains("--intrinsics or --cameras"));
+    assert!(refused(&["--depth", &depths, "--depth-intrinsics", &of_depth]).contains("--intrinsics, or --cameras"));
     assert!(refused(&["--intrinsics", &of_color, "--depth-intrinsics", &of_depth]).contains("--depth)"));
     assert!(!path("refused").exists());
 }

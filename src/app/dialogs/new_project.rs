@@ -106,13 +106,14 @@ impl NewProjectForm {
     }
 
     fn has_depth(&self) -> bool {
-        self.sources.iter().any(|source| !source.depth.trim().is_empty())
+        self.sources.iter().any(|source| !source.depth.trim().is_empty()) || self.has_depth_camera()
+    }
+
+    fn has_depth_camera(&self) -> bool {
+        !self.depth_intrinsics.trim().is_empty() || !self.depth_pose.trim().is_empty()
     }
 
     fn depth_camera(&self) -> Result<Option<DepthCameraSource>, String> {
-        if !self.has_depth() {
-            return Ok(None);
-        }
         let pose = typed_path(&self.depth_pose);
         let given = intrinsics(&self.depth_intrinsics).map_err(|what| format!("Depth camera: {what}"))?;
         if given.is_none() && pose.is_some() {
@@ -186,9 +187,9 @@ fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
     let tip = "fx, fy, cx, cy of the camera that measured the depths, in their pixels; empty where depths lie on the \
                pictures, pixel for pixel";
     intrinsics_ui(ui, ("Depth camera", tip), "as the pictures'", &mut form.depth_intrinsics);
-    if !form.depth_intrinsics.trim().is_empty() {
+    if form.has_depth_camera() {
         ui.label("Depth pose").on_hover_text(
-            "A text of the 4 × 4 matrix that takes points of the depth camera to the pictures'; may stay empty",
+            "A text of the 4 × 4 matrix that takes points of the depth camera to the pictures', in metres; may stay empty",
         );
         ui.horizontal(|ui| {
             let target = (Pick::File, PickTarget::DepthPose);
@@ -277,11 +278,10 @@ mod tests {
     }
 
     #[test]
-    fn a_depth_camera_belongs_to_depth() {
+    fn a_depth_camera_has_intrinsics_and_may_have_a_pose() {
         let mut form = NewProjectForm::with_frames("/a".into());
-        form.depth_intrinsics = "580, 580, 320, 240".into();
         assert_eq!(form.request(true).unwrap().open.depth_camera, None);
-        form.set_depth(0, "/depths".into());
+        form.depth_intrinsics = "580, 580, 320, 240".into();
         let intrinsics = IntrinsicsSource::Values([580.0, 580.0, 320.0, 240.0]);
         let camera = |pose| Some(DepthCameraSource { intrinsics: intrinsics.clone(), pose });
         assert_eq!(form.request(true).unwrap().open.depth_camera, camera(None));

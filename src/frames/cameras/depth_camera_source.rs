@@ -12,7 +12,7 @@ use crate::geometry::{Pose, Turn};
 pub struct DepthCameraSource {
     /// Its intrinsics, for depths as stored; focal lengths and principal point in their pixels.
     pub intrinsics: IntrinsicsSource,
-    /// A text of the 4 × 4 matrix that takes points of the depth camera to the pictures'; world units; `None` = both stand
+    /// A text of the 4 × 4 matrix that takes points of the depth camera to the pictures', row by row, in world units (metres); `None` = both stand
     /// in one place and look the same way.
     #[serde(default)]
     pub pose: Option<PathBuf>,
@@ -48,7 +48,7 @@ impl GivenDepthCamera {
     pub fn for_depth(&self, (width, height): (u32, u32), turn: Turn) -> Result<DepthCamera, String> {
         let intrinsics = self.intrinsics.for_picture(width, height)?.turned(turn);
         let picture_from_depth = self.picture_from_depth.turned(turn).compose(&turn.inverse().pose());
-        Ok(DepthCamera { intrinsics, picture_from_depth })
+        Ok(DepthCamera { intrinsics, picture_from_depth, estimated: false })
     }
 }
 
@@ -81,7 +81,10 @@ mod tests {
     #[test]
     fn what_is_no_pose_is_refused_by_name() {
         let folder = tempfile::tempdir().unwrap();
-        for (name, text) in [("lost.txt", "inf ".repeat(16)), ("short.txt", "1 0 0".into())] {
+        let by_columns = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0.025 0 0 1\n".to_owned();
+        for (name, text) in
+            [("lost.txt", "inf ".repeat(16)), ("short.txt", "1 0 0".into()), ("columns.txt", by_columns)]
+        {
             let pose = folder.path().join(name);
             std::fs::write(&pose, text).unwrap();
             let intrinsics = IntrinsicsSource::Values([40.0, 41.0, 16.5, 11.0]);

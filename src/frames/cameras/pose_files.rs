@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use super::lines::{TextFile, pose_from_rows};
+use super::lines::{TextFile, invalid, pose_from_rows};
 use super::{CameraKey, GivenCamera};
 use crate::frames::FrameError;
 use crate::geometry::Pose;
@@ -24,6 +24,9 @@ pub(super) fn read_one(path: &Path) -> Result<Option<Pose>, FrameError> {
     let rows: [f64; 16] = TextFile::read(path)?.numbers()?;
     if rows.iter().any(|number| number.is_infinite()) {
         return Ok(None);
+    }
+    if (0..4).any(|column| (rows[12 + column] - f64::from(u8::from(column == 3))).abs() > 1e-6) {
+        return Err(invalid(path, "the last row of its matrix is not 0 0 0 1; write it row by row"));
     }
     pose_from_rows(&rows).map(Some).map_err(|source| FrameError::Geometry { path: path.into(), source })
 }

@@ -35,10 +35,7 @@ pub fn open_more(existing: &[Frame], request: &OpenRequest, progress: &Progress)
     let places = Places::of(&sources);
     let items = new_items(existing, thinned(sources, request)?, &mut listing.warnings)?;
     let items = places.name(items, existing)?;
-    if sensor.camera.is_some() && items.iter().all(|item| item.depth.is_none()) {
-        let what = "a depth camera is given but no frame has depth; give the folder of depths (--depth)";
-        return Err(FrameError::NotFound(what.into()));
-    }
+    sensor.check(&items)?;
     let (frames, warnings) = read_frames(&items, &sensor, progress)?;
     Ok(Opened { frames, warnings: [listing.warnings, warnings].concat() })
 }

@@ -9,7 +9,7 @@ use crate::frames::cameras::GivenDepthCamera;
 use crate::frames::decode::not_depth;
 use crate::frames::header::{Header, read_header};
 use crate::frames::{DepthSource, Frame, FrameError, Orientation, PictureSource};
-use crate::geometry::Turn;
+use crate::geometry::{GeometryError, Turn};
 
 /// How many frames a warning names.
 const NAMED: usize = 3;
@@ -58,6 +58,15 @@ fn frame_of(item: &Item, sensor: &Sensor) -> Result<(Frame, bool), FrameError> {
 }
 
 impl Sensor {
+    /// A depth camera is given for something.
+    pub fn check(&self, items: &[Item]) -> Result<(), FrameError> {
+        if self.camera.is_some() && items.iter().all(|item| item.depth.is_none()) {
+            let what = "a depth camera is given but no frame has depth; give the folder of depths (--depth)";
+            return Err(FrameError::NotFound(what.into()));
+        }
+        Ok(())
+    }
+
     /// A picture's depth, judged by its header.
     fn depth(&self, path: &Path, picture_path: &Path, picture: Header) -> Result<DepthSource, FrameError> {
         let depth = read_header(path)?;
@@ -68,7 +77,11 @@ impl Sensor {
         let (size, of_picture) = ((depth.width, depth.height), (picture.width, picture.height));
         let camera = match &self.camera {
             Some(given) => {
-                let turn = Turn::from_exif(picture.orientation.0).map_err(|error| invalid(error.to_string()))?;
+                let mirrored = |error: GeometryError| FrameError::Invalid {
+                    path: picture_path.into(),
+                    what: format!("{error}; its depth has a camera, which cannot be mirrored"),
+                };
+                let turn = Turn::from_exif(picture.orientation.0).map_err(mirrored)?;
                 Some(Box::new(given.for_depth(size, turn).map_err(invalid)?))
             }
             None if size == of_picture => None,

@@ -152,6 +152,6 @@ fn why_unfit(items: &[Item], sensor: &Sensor) -> Option<String> {
     let sizes = ((picture.width, picture.height), (depth.width, depth.height));
     (sizes.0 != sizes.1 && sensor.camera.is_none()).then(|| {
         let ((w, h), (depth_w, depth_h)) = sizes;
-        format!("depth of {depth_w} × {depth_h} pixels does not fit pictures of {w} × {h}")
+        format!("depth of {depth_w} × {depth_h} pixels does not fit pictures of {w} × {h} (--depth-intrinsics)")
     })
 }

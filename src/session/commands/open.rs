@@ -106,11 +106,21 @@ fn read_frames(new: &NewProject, progress: &Progress) -> Result<Opened> {
         opened.warnings.extend(warnings);
         opened.frames = thinned(opened.frames, &new.open)?;
     }
-    ensure!(
-        new.open.depth_camera.is_none() || opened.frames.iter().any(|frame| frame.camera.is_some()),
-        "depths of a camera of their own are seen through the pictures'; give that too (--intrinsics or --cameras)"
-    );
+    if new.open.depth_camera.is_some() {
+        check_seen(&opened.frames)?;
+    }
     Ok(opened)
+}
+
+/// Depth that another camera measured is seen through the picture's, which must be known.
+fn check_seen(frames: &[Frame]) -> Result<()> {
+    let unseen = frames.iter().find(|frame| frame.depth.is_some() && frame.camera.is_none());
+    let name = unseen.map_or("", |frame| &frame.name);
+    ensure!(
+        unseen.is_none(),
+        "frame {name}: with the depths' camera goes the pictures'; give that too (--intrinsics, or --cameras of all frames)"
+    );
+    Ok(())
 }
 
 fn thinned(frames: Vec<Frame>, request: &OpenRequest) -> Result<Vec<Frame>> {

@@ -56,7 +56,7 @@ impl Parallax {
             rotation: DQuat::from_rotation_z(self.roll.into()),
             translation: DVec3::from((self.aside.as_dvec2(), 0.0)),
         };
-        (picture, DepthCamera { intrinsics: *given, picture_from_depth })
+        (picture, DepthCamera { intrinsics: *given, picture_from_depth, estimated: true })
     }
 
     /// The farthest that pictures of one and the other lie apart, as a share of the picture's width; things at depth

@@ -30,7 +30,7 @@ pub struct Calibration {
 /// cameras stand side by side in most sensors, and many recordings hold what they saw as they saw it. The depths of some
 /// pairs of frames are laid onto each other; under the right parallax the pictures then show the same where the depths do.
 /// It is believed only where half of the pairs finds nearly what the other half does, and each is better by it on the other.
-/// Frames that share the intrinsics of others whose depth has a camera of its own are taken to be from the same sensor. A
+/// Frames that share the intrinsics of others for which this was found earlier are taken to be from the same sensor. A
 /// given lens distortion tells that the picture's camera was calibrated: such frames are left as they are.
 ///
 /// # Errors
@@ -84,10 +84,11 @@ fn depth_camera(frame: &Frame) -> Option<&DepthCamera> {
     }
 }
 
-/// The cameras of picture and depth of a sensor whose depth camera has these intrinsics.
+/// The cameras of picture and depth of a sensor whose depth camera has these intrinsics, where they were found earlier: what
+/// is given for some frames says nothing of others.
 fn of_same_sensor(frames: &[Frame], given: &Camera) -> Option<(Camera, DepthCamera)> {
     let of_frame = |frame: &Frame| {
-        let depth = depth_camera(frame).filter(|depth| depth.intrinsics == *given)?;
+        let depth = depth_camera(frame).filter(|depth| depth.estimated && depth.intrinsics == *given)?;
         Some((frame.camera?.intrinsics, *depth))
     };
     frames.iter().find_map(of_frame)

@@ -3,7 +3,7 @@ use glam::{DQuat, DVec3};
 use super::recording::Recording;
 use super::room::{camera, hand_at, seen, seen_through};
 use crate::engine::job::Progress;
-use crate::frames::{DepthSource, FrameStore};
+use crate::frames::{DepthCamera, DepthSource, FrameStore};
 use crate::geometry::{Camera, Distortion, Pose};
 use crate::scene::rgbd::{Calibration, calibrate};
 use crate::scene::sfm::matching::NearestMatcher;
@@ -78,6 +78,10 @@ fn more_frames_of_a_known_sensor_take_its_cameras() {
     Calibration { frames: (0..16).collect(), ..whole }.apply(&mut recording.frames);
     // Two frames alone would tell nothing.
     assert_eq!(found(&recording), [Calibration { frames: vec![16, 17], ..whole }]);
+    // What was given for some says nothing of others.
+    let depth = DepthCamera { estimated: false, ..whole.depth };
+    Calibration { frames: (0..16).collect(), depth, ..whole }.apply(&mut recording.frames);
+    assert_eq!(found(&recording), []);
 }
 
 #[test]
@@ -107,7 +111,7 @@ fn depth_of_another_size_is_seen_in_the_pictures() {
     let frame = &mut recording.frames[1];
     frame.camera.as_mut().unwrap().intrinsics = larger;
     let Some(DepthSource::Sensor { camera: own, .. }) = &mut frame.depth else { panic!("a sensor's") };
-    *own = Some(Box::new(crate::frames::DepthCamera { intrinsics: camera(), picture_from_depth }));
+    *own = Some(Box::new(DepthCamera { intrinsics: camera(), picture_from_depth, estimated: false }));
     let seen = FrameStore::new(64 << 20).depth(frame).unwrap().unwrap();
     let mut off: Vec<f32> =
         seen.depths.iter().zip(&exact.depths).filter(|(seen, _)| **seen > 0.0).map(|(a, b)| (a - b).abs()).collect();
