@@ -130,6 +130,8 @@ def pictures(folder):
     if folder is None:
         return made_pictures()
     files = sorted(folder.iterdir())
+    if len(files) < 6:
+        sys.exit(f"{folder}: holds {len(files)} pictures; the first and the sixth are compared")
     opened = (Image.open(file).convert("RGB") for file in (files[0], files[5]))
     # Cells are whole: what the program repeats at the rim the reference does not see.
     return [picture.resize((640, 480)).crop((0, 0, 320, 240)) for picture in opened]
