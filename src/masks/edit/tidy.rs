@@ -1,11 +1,11 @@
-use super::assign::{PaintRule, assign, erase};
+use super::assign::{PaintRule, assign, erase, yielding};
 use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, Region};
 
 /// Fills the holes of a label that have fewer than `holes_below_px` pixels and removes its islands that have fewer than
 /// `islands_below_px` pixels (0 = none); returns how many pixels changed. A hole is closed in by the label; its pixels
 /// that belong to other labels stay, but for those of the label's own ancestors. The label's parts count as the label
-/// where pieces are looked for, and keep their pixels. Diagonals join an island to the rest; a piece counts with its holes that
-/// are filled, and the largest is no island. Tidying again changes nothing.
+/// where pieces are looked for, and keep their pixels. Diagonals join an island to the rest; a piece counts with the pixels of
+/// its holes that are filled, and the largest is no island. Tidying again changes nothing.
 ///
 /// # Errors
 /// [`MaskError::Label`] when the mask does not show the label.
@@ -19,14 +19,24 @@ pub fn tidy(
     if !mask.ids.contains(&label) {
         return Err(MaskError::Label("the label is not on this frame; choose another frame or label".into()));
     }
-    let mut filled = mask.region_with_parts(label, tree);
-    if let Some(most) = holes_below_px.checked_sub(1) {
-        filled.fill_holes(most);
-    }
+    let mut filled = filled(mask, label, holes_below_px, tree);
     let islands = islands(&filled, islands_below_px);
     filled.subtract(&islands);
     let removed = erase(mask, &islands, Some(label))?;
     Ok(removed + assign(mask, &filled, label, PaintRule::Protect, tree)?)
+}
+
+/// The pixels of a label and its parts with those that it may take in its holes below a size.
+fn filled(mask: &LabelMask, label: LabelId, below_px: usize, tree: &LabelTree) -> Region {
+    let mut filled = mask.region_with_parts(label, tree);
+    let Some(most) = below_px.checked_sub(1) else { return filled };
+    let mut closed = filled.clone();
+    closed.fill_holes(most);
+    let yields = yielding(label, &[], tree);
+    for ((inside, closed), id) in filled.inside.iter_mut().zip(&closed.inside).zip(&mask.ids) {
+        *inside |= *closed && yields.contains(id);
+    }
+    filled
 }
 
 /// The pieces of a region below a size, without the largest piece.
@@ -56,15 +66,20 @@ mod tests {
             prop_assume!(mask.ids.contains(&label));
             let mut tidied = mask.clone();
             let changed = tidy(&mut tidied, label, holes, islands, &tree).unwrap();
-            let mut filled = mask.region_with_parts(label, &tree);
+            let before = mask.region_with_parts(label, &tree);
+            let mut filled = before.clone();
             filled.fill_holes(holes.max(1) - 1);
             let mut largest = filled.clone();
+            let free = |id: LabelId| id == LabelId::NONE || tree.is_ancestor(id, label);
+            for (at, inside) in largest.inside.iter_mut().enumerate() {
+                *inside &= before.inside[at] || free(mask.ids[at]);
+            }
             largest.keep_largest();
             let mut counted = 0;
             for (at, (&old, &new)) in mask.ids.iter().zip(&tidied.ids).enumerate() {
                 counted += usize::from(old != new);
                 if old != new && new == label {
-                    prop_assert!(filled.inside[at] && (old == LabelId::NONE || tree.is_ancestor(old, label)));
+                    prop_assert!(filled.inside[at] && free(old));
                 } else if old != new {
                     prop_assert!(old == label && new == LabelId::NONE && !largest.inside[at]);
                 }
@@ -100,5 +115,20 @@ mod tests {
         assert_eq!(tidy(&mut mask, LabelId(5), 2, 2, &tree()).unwrap(), 3);
         assert_eq!((mask.at(1, 1), mask.at(7, 1), mask.at(5, 3)), (LabelId(5), LabelId::NONE, LabelId(2)));
         assert!(tidy(&mut mask, LabelId(4), 2, 2, &tree()).is_err());
+    }
+
+    #[test]
+    fn what_another_label_keeps_of_a_hole_does_not_count() {
+        let rows = ["####..###", "####..#2#", "####..###"];
+        let id = |byte: u8| match byte {
+            b'#' => LabelId(5),
+            b'2' => LabelId(2),
+            _ => LabelId::NONE,
+        };
+        let ids = rows.iter().flat_map(|row| row.bytes().map(id)).collect();
+        let mut mask = LabelMask { width: 9, height: 3, ids };
+        assert_eq!(tidy(&mut mask, LabelId(5), 2, 8, &tree()).unwrap(), 0);
+        assert_eq!(tidy(&mut mask, LabelId(5), 2, 9, &tree()).unwrap(), 8);
+        assert_eq!((mask.at(6, 0), mask.at(7, 1)), (LabelId::NONE, LabelId(2)));
     }
 }
