@@ -49,7 +49,7 @@ impl Engine {
         progress: &Progress,
     ) -> Result<Found, StereoError> {
         match self {
-            Self::Cpu => Ok(search(&mut Processor, task, options, progress)?),
+            Self::Cpu => Ok(search(&mut Processor::default(), task, options, progress)?),
             Self::Gpu(kernels) => search(&mut CardPasses::new(kernels), task, options, progress),
         }
     }
@@ -66,7 +66,7 @@ impl Engine {
         progress: &Progress,
     ) -> Result<Found, StereoError> {
         match self {
-            Self::Cpu => Ok(search_consistent(&mut Processor, task, round, options, progress)?),
+            Self::Cpu => Ok(search_consistent(&mut Processor::default(), task, round, options, progress)?),
             Self::Gpu(kernels) => search_consistent(&mut CardPasses::new(kernels), task, round, options, progress),
         }
     }

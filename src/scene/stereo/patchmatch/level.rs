@@ -59,8 +59,8 @@ pub struct Level<'a> {
     pub options: &'a PatchMatchOptions,
     /// The window.
     pub window: &'a Window,
-    /// The regions.
-    pub regions: &'a Regions,
+    /// The regions around its pixels.
+    pub regions: Regions,
 }
 
 impl Level<'_> {

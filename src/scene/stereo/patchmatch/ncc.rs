@@ -6,12 +6,11 @@ use super::window::{FLAT_VARIANCE, NOISE, PADDED, Patch, TAPS, Window};
 
 /// Cost of a hypothesis that cannot be compared.
 pub const WORST: f32 = 2.0;
-/// Adding and taking away this rounds a float between −2²² and 2²² to an integer.
+/// Adding and taking away this rounds a float between −2²² and 2²² to an integer; between the two, its bits are this one's and
+/// the integer.
 const ROUNDING: f32 = 12_582_912.0;
-/// Added to an integer below 2²³, its lowest bits are the integer.
+/// The bits of this and a byte are their sum's.
 const COUNTING: f32 = 8_388_608.0;
-/// Those bits.
-const COUNTING_MASK: u32 = 0x7F_FFFF;
 /// Sum of differences of chroma up to which colours are the same (noise, and what JPEG leaves), 0–255 each.
 pub const SAME_CHROMA: f32 = 10.0;
 /// By how much more they are wholly others.
@@ -89,17 +88,17 @@ impl<S: Simd> NullaryFnOnce for Comparison<'_, S> {
 fn compare<S: Simd>(comparison: &Comparison<'_, S>) -> f32 {
     let &Comparison { simd, window, patch, ref homography, texture } = comparison;
     let [u, v, z] = homography[0];
-    let (right, bottom) = ((texture.width - 1) as f32, (texture.height - 1) as f32);
-    // One comparison for all five conditions.
-    let inside = u.min(v).min(right * z - u).min(bottom * z - v).min(z - 1e-6);
-    if inside < 0.0 {
+    let (right, bottom) = (texture.last_column(), texture.last_row());
+    // Without branches between the conditions.
+    let is_inside = (u >= 0.0) & (v >= 0.0) & (u <= right * z) & (v <= bottom * z) & (z >= 1e-6);
+    if !is_inside {
         return WORST;
     }
-    let mut places = Places { columns: [0; PADDED], rows: [0; PADDED], share_x: [0.0; PADDED], share_y: [0.0; PADDED] };
+    let mut places = Places { texels: [0; PADDED], share_x: [0.0; PADDED], share_y: [0.0; PADDED] };
     locate(simd, window, homography, texture, &mut places);
     let mut quads = [0u32; PADDED];
-    for (quad, (&column, &row)) in quads.iter_mut().zip(places.columns.iter().zip(&places.rows)).take(TAPS) {
-        *quad = texture.quads[row as usize * texture.width + column as usize];
+    for (quad, &texel) in quads.iter_mut().zip(&places.texels).take(TAPS) {
+        *quad = texture.quads[texel as usize];
     }
     let scale = 1.0 / z;
     let chroma = texture.chroma_at(u * scale, v * scale);
@@ -107,10 +106,9 @@ fn compare<S: Simd>(comparison: &Comparison<'_, S>) -> f32 {
     correlate(simd, patch, &quads, (&places.share_x, &places.share_y), off)
 }
 
-/// Which texels the taps lie between, and how far towards the right and lower one.
+/// Which texels the taps lie between, as the upper left one's place among all, and how far towards the right and lower one.
 struct Places {
-    columns: [u32; PADDED],
-    rows: [u32; PADDED],
+    texels: [u32; PADDED],
     share_x: [f32; PADDED],
     share_y: [f32; PADDED],
 }
@@ -127,12 +125,13 @@ fn locate<S: Simd>(
     let (x0, y0, z0) = (simd.splat_f32s(at[0]), simd.splat_f32s(at[1]), simd.splat_f32s(at[2]));
     let (x1, y1, z1) = (simd.splat_f32s(right[0]), simd.splat_f32s(right[1]), simd.splat_f32s(right[2]));
     let (x2, y2, z2) = (simd.splat_f32s(down[0]), simd.splat_f32s(down[1]), simd.splat_f32s(down[2]));
-    let last_x = simd.splat_f32s((texture.width - 1) as f32);
-    let last_y = simd.splat_f32s((texture.height - 1) as f32);
+    let last_x = simd.splat_f32s(texture.last_column());
+    let last_y = simd.splat_f32s(texture.last_row());
     let (one, least) = (simd.splat_f32s(1.0), simd.splat_f32s(1e-6));
-    let (counting, mask) = (simd.splat_f32s(COUNTING), simd.splat_u32s(COUNTING_MASK));
+    let width = texture.width as u32;
+    let (width, uncounted) = (simd.splat_u32s(width), simd.splat_u32s(ROUNDING.to_bits().wrapping_mul(width + 1)));
     let ((dx, _), (dy, _)) = (S::as_simd_f32s(&window.dx), S::as_simd_f32s(&window.dy));
-    let ((columns, _), (rows, _)) = (S::as_mut_simd_u32s(&mut places.columns), S::as_mut_simd_u32s(&mut places.rows));
+    let (texels, _) = S::as_mut_simd_u32s(&mut places.texels);
     let (share_x, _) = S::as_mut_simd_f32s(&mut places.share_x);
     let (share_y, _) = S::as_mut_simd_f32s(&mut places.share_y);
     for k in 0..TAPS.div_ceil(S::F32_LANES) {
@@ -143,8 +142,7 @@ fn locate<S: Simd>(
         let (column, part_x) = split(simd, simd.mul_f32s(x, scale), last_x);
         let (row, part_y) = split(simd, simd.mul_f32s(y, scale), last_y);
         (share_x[k], share_y[k]) = (part_x, part_y);
-        columns[k] = simd.and_u32s(simd.transmute_u32s_f32s(simd.add_f32s(column, counting)), mask);
-        rows[k] = simd.and_u32s(simd.transmute_u32s_f32s(simd.add_f32s(row, counting)), mask);
+        texels[k] = simd.sub_u32s(simd.add_u32s(simd.mul_u32s(row, width), column), uncounted);
     }
 }
 
@@ -154,21 +152,20 @@ fn mul_add<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
     simd.add_f32s(simd.mul_f32s(a, b), c)
 }
 
-/// A position, kept within the picture, as the texel below it and the share of the way to the next.
+/// A position, kept within the picture, as the bits of [`ROUNDING`] and the texel below it, and the share of the way to the next.
 #[inline(always)]
-fn split<S: Simd>(simd: S, at: S::f32s, last: S::f32s) -> (S::f32s, S::f32s) {
+fn split<S: Simd>(simd: S, at: S::f32s, last: S::f32s) -> (S::u32s, S::f32s) {
     let at = simd.min_f32s(simd.max_f32s(at, simd.splat_f32s(0.0)), last);
     let rounding = simd.splat_f32s(ROUNDING);
-    let below = simd.sub_f32s(simd.add_f32s(simd.sub_f32s(at, simd.splat_f32s(0.5)), rounding), rounding);
-    (below, simd.sub_f32s(at, below))
+    let counted = simd.add_f32s(simd.sub_f32s(at, simd.splat_f32s(0.5)), rounding);
+    (simd.transmute_u32s_f32s(counted), simd.sub_f32s(at, simd.sub_f32s(counted, rounding)))
 }
 
-/// The integers in the lowest 8 bits as floats.
+/// [`COUNTING`] and the integers in the lowest 8 bits as floats.
 #[inline(always)]
-fn float<S: Simd>(simd: S, bits: S::u32s) -> S::f32s {
+fn counted<S: Simd>(simd: S, bits: S::u32s) -> S::f32s {
     let byte = simd.and_u32s(bits, simd.splat_u32s(0xFF));
-    let counted = simd.transmute_f32s_u32s(simd.or_u32s(byte, simd.splat_u32s(COUNTING.to_bits())));
-    simd.sub_f32s(counted, simd.splat_f32s(COUNTING))
+    simd.transmute_f32s_u32s(simd.or_u32s(byte, simd.splat_u32s(COUNTING.to_bits())))
 }
 
 /// `1 − NCC` of a patch with bilinear samples, and what its chroma being off costs.
@@ -184,14 +181,14 @@ fn correlate<S: Simd>(
     let ((share_x, _), (share_y, _)) = (S::as_simd_f32s(share_x), S::as_simd_f32s(share_y));
     let ((weights, _), (weighted, _)) = (S::as_simd_f32s(&patch.weights), S::as_simd_f32s(&patch.weighted));
     let (by_8, by_16, by_24) = (simd.splat_u32s(8), simd.splat_u32s(16), simd.splat_u32s(24));
-    let zero = simd.splat_f32s(0.0);
+    let (zero, counting) = (simd.splat_f32s(0.0), simd.splat_f32s(COUNTING));
     let (mut mean, mut square, mut cross) = (zero, zero, zero);
     for k in 0..TAPS.div_ceil(S::F32_LANES) {
-        let (a, b) = (float(simd, quads[k]), float(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_8)));
-        let c = float(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_16));
-        let d = float(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_24));
-        let above = mul_add(simd, share_x[k], simd.sub_f32s(b, a), a);
-        let below = mul_add(simd, share_x[k], simd.sub_f32s(d, c), c);
+        let (a, b) = (counted(simd, quads[k]), counted(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_8)));
+        let c = counted(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_16));
+        let d = counted(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_24));
+        let above = mul_add(simd, share_x[k], simd.sub_f32s(b, a), simd.sub_f32s(a, counting));
+        let below = mul_add(simd, share_x[k], simd.sub_f32s(d, c), simd.sub_f32s(c, counting));
         let value = mul_add(simd, share_y[k], simd.sub_f32s(below, above), above);
         let heavy = simd.mul_f32s(weights[k], value);
         mean = simd.add_f32s(mean, heavy);

@@ -1,7 +1,7 @@
 use super::field::Field;
 use super::level::Level;
 use super::start::finer_field;
-use super::sweep::{score, sweep};
+use super::sweep::{Empty, score, sweep};
 use super::visit::Turn;
 use crate::engine::job::{Progress, Stopped};
 
@@ -56,8 +56,10 @@ pub trait Passes {
 }
 
 /// The passes on all cores of the processor.
-#[derive(Debug)]
-pub struct Processor;
+#[derive(Debug, Default)]
+pub struct Processor {
+    empty: Empty,
+}
 
 impl Passes for Processor {
     type Field = Field;
@@ -72,11 +74,12 @@ impl Passes for Processor {
     }
 
     fn score(&mut self, level: &Level<'_>, field: &mut Field, progress: &Progress) -> Result<(), Stopped> {
-        score(level, field, progress)
+        self.empty = score(level, field, progress)?;
+        Ok(())
     }
 
     fn sweep(&mut self, level: &Level<'_>, field: &mut Field, turn: Turn, progress: &Progress) -> Result<(), Stopped> {
-        sweep(level, field, turn, progress)
+        sweep(level, field, &self.empty, turn, progress)
     }
 
     fn copied(&mut self, field: &Field) -> Result<Field, Stopped> {

@@ -7,8 +7,9 @@ use super::passes::Passes;
 use super::picture::Picture;
 use super::plane::Plane;
 use super::priors::priors;
-use super::start::{Parts, coarse_mask, level, random_field};
+use super::start::{coarse_mask, level, random_field};
 use super::visit::Turn;
+use super::window::Window;
 use crate::engine::job::Progress;
 
 /// What one view's depth is searched in.
@@ -62,12 +63,12 @@ pub fn search<P: Passes>(
     options: &PatchMatchOptions,
     progress: &Progress,
 ) -> Result<Found, P::Error> {
-    let parts = Parts::default();
+    let window = Window::default();
     let mut visit = 0;
     let mut coarser: Option<P::Field> = None;
     for number in (0..search.reference.levels.len()).rev() {
         let masked = search.allowed.map(|allowed| coarse_mask(allowed, search.reference, number));
-        let mut level = level(search, number, options, &parts, masked.as_deref());
+        let mut level = level(search, number, options, &window, masked.as_deref());
         let iterations = if coarser.is_none() { options.coarse_iterations } else { options.fine_iterations };
         let first_reach = if coarser.is_none() { 16.0 } else { 2.0 };
         let mut field = match &coarser {
@@ -103,8 +104,8 @@ pub fn search_consistent<P: Passes>(
     options: &PatchMatchOptions,
     progress: &Progress,
 ) -> Result<Found, P::Error> {
-    let (parts, &Round { start, others, before }) = (Parts::default(), round);
-    let mut level = level(search, 0, options, &parts, search.allowed);
+    let (window, &Round { start, others, before }) = (Window::default(), round);
+    let mut level = level(search, 0, options, &window, search.allowed);
     for ((source, picture), found) in level.sources.iter_mut().zip(search.sources).zip(others) {
         let back = picture.transfer(search.reference, 0);
         source.found = found.as_ref().map(|found| (Arc::clone(found), back));

@@ -10,19 +10,12 @@ use super::regions::Regions;
 use super::search::Search;
 use super::window::Window;
 
-/// What does not change from level to level.
-#[derive(Default)]
-pub struct Parts {
-    window: Window,
-    regions: Regions,
-}
-
 /// A level of the pyramid, 0 = the finest.
 pub fn level<'a>(
     search: &Search<'_>,
     number: usize,
     options: &'a PatchMatchOptions,
-    parts: &'a Parts,
+    window: &'a Window,
     allowed: Option<&'a [bool]>,
 ) -> Level<'a> {
     let reference = search.reference;
@@ -40,6 +33,7 @@ pub fn level<'a>(
     let centre = (0.5 * picture.width as f32, 0.5 * picture.height as f32);
     let step = pixel_step(&sources, centre, 0.5 * (near + far));
     Level {
+        regions: Regions::new(picture.width, picture.height),
         picture,
         raster: reference.raster(number),
         sources,
@@ -49,8 +43,7 @@ pub fn level<'a>(
         hints: Vec::new(),
         pull: 0.0,
         options,
-        window: &parts.window,
-        regions: &parts.regions,
+        window,
     }
 }
 

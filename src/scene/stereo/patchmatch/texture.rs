@@ -70,6 +70,19 @@ impl Texture {
         Self { width, height, quads, chroma }
     }
 
+    /// The number of the last column.
+    #[inline(always)]
+    pub fn last_column(&self) -> f32 {
+        // Signed 32 bits are what processors convert.
+        (self.width as i32 - 1) as f32
+    }
+
+    /// The number of the last row.
+    #[inline(always)]
+    pub fn last_row(&self) -> f32 {
+        (self.height as i32 - 1) as f32
+    }
+
     /// The grey of a pixel.
     #[inline(always)]
     pub fn grey(&self, x: usize, y: usize) -> u8 {

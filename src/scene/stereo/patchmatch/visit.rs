@@ -47,7 +47,7 @@ pub struct Changes {
     pub by_slope: f32,
 }
 
-/// The best hypothesis for a pixel, of its own, those of the other colour around it, and changed ones.
+/// The best hypothesis for a pixel with something to be compared, of its own, those of the other colour around it, and changed ones.
 #[inline(always)]
 pub fn visit<S: Simd>(
     simd: S,
@@ -58,9 +58,6 @@ pub fn visit<S: Simd>(
     turn: Turn,
 ) -> (Plane, f32) {
     let patch = level.patch(x, y);
-    if patch.is_empty(level.options.min_variance) {
-        return (own, super::ncc::WORST);
-    }
     let (u, v) = (x as f32, y as f32);
     let mut planes = [own; COMPARED];
     let mut times = [1; COMPARED];
@@ -88,12 +85,12 @@ pub fn visit<S: Simd>(
     (contest.plane, contest.cost)
 }
 
-/// Cost of a pixel's own hypothesis over the two sources that like it most.
+/// Cost of a pixel's own hypothesis over the two sources that like it most; `None` where there is nothing to be compared.
 #[inline(always)]
-pub fn own_cost<S: Simd>(simd: S, level: &Level<'_>, own: Plane, (x, y): (usize, usize)) -> f32 {
+pub fn own_cost<S: Simd>(simd: S, level: &Level<'_>, own: Plane, (x, y): (usize, usize)) -> Option<f32> {
     let patch = level.patch(x, y);
     if patch.is_empty(level.options.min_variance) {
-        return super::ncc::WORST;
+        return None;
     }
     let mut least = [super::ncc::WORST; 2];
     for source in &level.sources {
@@ -103,7 +100,7 @@ pub fn own_cost<S: Simd>(simd: S, level: &Level<'_>, own: Plane, (x, y): (usize,
         }
     }
     let seen = if level.sources.len() > 1 { 0.5 * (least[0] + least[1]) } else { least[0] };
-    (seen + level.pulled(&patch, (own, x as f32, y as f32))).min(super::ncc::WORST)
+    Some((seen + level.pulled(&patch, (own, x as f32, y as f32))).min(super::ncc::WORST))
 }
 
 /// Puts the planes of the best pixels around, and one from elsewhere, behind the pixel's own; planes that are nearly the
@@ -118,9 +115,8 @@ fn gather(
     times: &mut [u32; COMPARED],
 ) -> usize {
     let mut count = 1;
-    let size = (level.picture.width, level.picture.height);
     let near = level.options.alike_px * level.step;
-    let around = level.regions.best(other, size, x, y).into_iter().flatten();
+    let around = level.regions.best(other, x, y).into_iter().flatten();
     let around = around.map(|(dx, dy, at)| other.planes[at].moved(-dx as f32, -dy as f32));
     for plane in around.chain(hint) {
         if !level.is_possible(plane, x as f32, y as f32) {

@@ -5,7 +5,9 @@ pub const TAPS: usize = 24;
 /// Taps made up with ones of no weight to whole vectors of any width.
 pub const PADDED: usize = 32;
 /// Reach of the window in pixels: small, so that a thin part is not compared by what lies behind it.
-const REACH: i32 = 2;
+const REACH: usize = 2;
+/// Columns and rows of the window.
+const SIDE: usize = 2 * REACH + 1;
 /// Grey difference of `exp(−½)` in the weights.
 const GREY_SIGMA: f32 = 30.0;
 /// The same of colour, apart from grey: it tells a leaf from what lies behind it where both are equally bright.
@@ -55,10 +57,8 @@ pub struct Patch {
 
 impl Default for Window {
     fn default() -> Self {
-        let around = |tap: usize| (tap + tap / (TAPS / 2)) as i32;
-        let side = 2 * REACH + 1;
-        let dx = std::array::from_fn(|tap| (around(tap) % side - REACH) as f32);
-        let dy = std::array::from_fn(|tap| (around(tap) / side - REACH) as f32);
+        let dx = std::array::from_fn(|tap| (place(tap) % SIDE) as f32 - REACH as f32);
+        let dy = std::array::from_fn(|tap| (place(tap) / SIDE) as f32 - REACH as f32);
         let spread = 2.0 * (REACH * REACH) as f32;
         let near = std::array::from_fn(|tap| (-(dx[tap] * dx[tap] + dy[tap] * dy[tap]) / spread).exp());
         let alike = |sigma: f32| std::array::from_fn(|off| (-0.5 * (off as f32 / sigma).powi(2)).exp());
@@ -66,18 +66,26 @@ impl Default for Window {
     }
 }
 
+/// Where a tap lies in the window, row by row; the centre is no tap.
+#[inline(always)]
+const fn place(tap: usize) -> usize {
+    tap + tap / (TAPS / 2)
+}
+
 impl Patch {
     /// The patch around a pixel; positions beyond the border take the border's grey.
     #[inline(always)]
     pub fn new(window: &Window, picture: &Texture, x: usize, y: usize) -> Self {
         let (centre, own) = (picture.grey(x, y), picture.chroma[y * picture.width + x]);
-        let mut values = [0.0; TAPS];
-        let mut weights = [0.0; PADDED];
+        let (mut values, mut weights) = ([0.0; TAPS], [0.0; PADDED]);
+        let around = |at: usize, size: usize| -> [usize; SIDE] {
+            std::array::from_fn(|k| (at + k).saturating_sub(REACH).min(size - 1))
+        };
+        let (columns, rows) = (around(x, picture.width), around(y, picture.height).map(|row| row * picture.width));
         for tap in 0..TAPS {
-            let column = (x as f32 + window.dx[tap]).max(0.0) as usize;
-            let row = (y as f32 + window.dy[tap]).max(0.0) as usize;
-            let (column, row) = (column.min(picture.width - 1), row.min(picture.height - 1));
-            let (grey, chroma) = (picture.grey(column, row), picture.chroma[row * picture.width + column]);
+            let place = place(tap);
+            let at = rows[place / SIDE] + columns[place % SIDE];
+            let (grey, chroma) = (picture.quads[at] as u8, picture.chroma[at]);
             let [blue, red] = [0, 1].map(|k| window.alike_chroma[usize::from(chroma[k].abs_diff(own[k]))]);
             values[tap] = f32::from(grey);
             weights[tap] = window.near[tap] * window.alike[usize::from(grey.abs_diff(centre))] * (blue * red);
