@@ -124,7 +124,9 @@ fn camera_table(score: &CameraScore) -> String {
         text += &format!("missing: {}\n", score.missing.join(", "));
     }
     text += &format!("{:<12} {:>12} {:>12} {:>12} {:>12}\n", "", "rmse", "mean", "median", "max");
-    for (name, row) in [("centre", &error.centre), ("rotation °", &error.rotation_deg)] {
+    let rows =
+        [("centre", &error.centre), ("rotation °", &error.rotation_deg), ("by itself °", &error.own_rotation_deg)];
+    for (name, row) in rows {
         text += &format!("{name:<12} {:>12.6} {:>12.6} {:>12.6} {:>12.6}\n", row.rmse, row.mean, row.median, row.max);
     }
     text + &format!("centre rmse is {:.4} % of the extent {:.4}\n", score.centre_percent, error.extent)

@@ -1,6 +1,7 @@
-use glam::DVec3;
+use glam::{DMat3, DQuat, DVec3};
 use serde::Serialize;
 
+use super::pose::nearest_rotation;
 use super::{Alignment, GeometryError, Pose, Similarity};
 
 /// Statistics of a list of errors, all ≥ 0; zeros for an empty list.
@@ -46,6 +47,9 @@ pub struct TrajectoryError {
     pub centre: ErrorStatistics,
     /// Angles between camera rotations in degrees.
     pub rotation_deg: ErrorStatistics,
+    /// The same with rotations laid onto each other by themselves, whatever the centres say, as is usual in rotation averaging
+    /// (R. Hartley et al., *Rotation Averaging*, IJCV 2013).
+    pub own_rotation_deg: ErrorStatistics,
     /// The largest distance of a true centre from their centroid: what centre errors are set in relation to.
     pub extent: f64,
 }
@@ -79,13 +83,17 @@ impl TrajectoryError {
         let aligned: Vec<Pose> = result.iter().map(|pose| alignment.transform_camera(pose)).collect();
         let truth_centres = centres(truth);
         let distances: Vec<f64> = aligned.iter().zip(&truth_centres).map(|(a, t)| a.centre().distance(*t)).collect();
-        let angles: Vec<f64> = aligned.iter().zip(truth).map(|(a, t)| rotation_angle_deg(a, t)).collect();
+        let turns = |poses: &[Pose]| poses.iter().map(|pose| pose.rotation).collect::<Vec<DQuat>>();
+        let (own, wanted) = (turns(result), turns(truth));
+        let between = mean_between(&own, &wanted);
+        let laid: Vec<DQuat> = own.iter().map(|&turn| turn * between.conjugate()).collect();
         let centroid = mean(&truth_centres);
         Self {
             count: result.len(),
             alignment,
             centre: ErrorStatistics::of(&distances),
-            rotation_deg: ErrorStatistics::of(&angles),
+            rotation_deg: ErrorStatistics::of(&angles_deg(&turns(&aligned), &wanted)),
+            own_rotation_deg: ErrorStatistics::of(&angles_deg(&laid, &wanted)),
             extent: truth_centres.iter().map(|c| c.distance(centroid)).fold(0.0, f64::max),
         }
     }
@@ -113,10 +121,20 @@ fn pegs(poses: &[Pose]) -> Vec<DVec3> {
     poses.iter().flat_map(ends).flatten().collect()
 }
 
-/// Angle between two rotations in degrees; exact for small angles too.
-fn rotation_angle_deg(a: &Pose, b: &Pose) -> f64 {
-    let between = a.rotation.conjugate() * b.rotation;
-    (2.0 * between.xyz().length().atan2(between.w.abs())).to_degrees()
+/// The rotation of the world that brings all orientations nearest to the true ones, in the sum of squares of the matrices'
+/// differences.
+fn mean_between(own: &[DQuat], wanted: &[DQuat]) -> DQuat {
+    let between = own.iter().zip(wanted).map(|(&own, &wanted)| DMat3::from_quat(wanted.conjugate() * own));
+    DQuat::from_mat3(&nearest_rotation(between.sum()))
+}
+
+/// Angles between rotations in degrees; exact for small angles too.
+fn angles_deg(a: &[DQuat], b: &[DQuat]) -> Vec<f64> {
+    let angle = |(a, b): (&DQuat, &DQuat)| {
+        let between = a.conjugate() * *b;
+        (2.0 * between.xyz().length().atan2(between.w.abs())).to_degrees()
+    };
+    a.iter().zip(b).map(angle).collect()
 }
 
 #[cfg(test)]
@@ -194,6 +212,24 @@ mod tests {
         let result: Vec<Pose> = truth.iter().map(turned).collect();
         let error = TrajectoryError::between_poses(&result, &truth, Alignment::Se3).unwrap();
         assert!((error.rotation_deg.median.to_radians() - angle / 2.0).abs() < 1e-5, "{error:?}");
+    }
+
+    #[test]
+    fn orientations_by_themselves_do_not_ask_the_centres() {
+        let truth = circle();
+        let turned = |(i, pose): (usize, &Pose)| {
+            // All centres about a line elsewhere, all orientations turned alike, every third camera a little more.
+            let more = if i % 3 == 0 { 0.02 } else { 0.0 };
+            let rotation = DQuat::from_rotation_z(more) * pose.rotation * DQuat::from_rotation_y(2.0);
+            Pose { rotation, translation: -(rotation * (DQuat::from_rotation_x(1.0) * pose.centre())) }
+        };
+        let result: Vec<Pose> = truth.iter().enumerate().map(turned).collect();
+        let error = TrajectoryError::between(&result, &truth, Alignment::Se3).unwrap();
+        assert!(error.rotation_deg.mean > 10.0, "{error:?}");
+        let [median, max] = [error.own_rotation_deg.median, error.own_rotation_deg.max].map(f64::to_radians);
+        assert!(median < 0.002 && (0.018..0.022).contains(&max), "{error:?}");
+        let none = TrajectoryError::between(&[], &[], Alignment::None).unwrap();
+        assert_eq!(none.own_rotation_deg, ErrorStatistics::default());
     }
 
     #[test]

@@ -125,7 +125,7 @@ fn a_cut_off_body_is_an_error_not_a_grey_picture() {
 }
 
 /// The EXIF block that says nothing but the orientation.
-fn exif(orientation: u8) -> Vec<u8> {
+pub(super) fn exif(orientation: u8) -> Vec<u8> {
     let mut exif = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
     exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
     exif

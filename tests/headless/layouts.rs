@@ -1,10 +1,13 @@
 //! RGB-D recordings as people have them on their disks: each is opened with its depths and cameras by one command.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use image::{ImageBuffer, Luma, Rgb, RgbImage};
+use image::codecs::jpeg::JpegEncoder;
+use image::{ImageBuffer, ImageEncoder, Luma, Rgb, RgbImage};
 use ostra::session::{Command, Session};
 
+use super::frames::exif;
 use super::session::perform;
 use super::sfm::{Project, ostra};
 
@@ -130,14 +133,23 @@ fn depths_of_a_camera_of_their_own() {
         ["--depth", &depths, "--intrinsics", &of_color, "--depth-intrinsics", &of_depth, "--depth-pose", &aside];
     let project = Project::new(&path("color"), &asked);
 
+    // The sensor lay on its side: what it stored is shown a quarter turn to the right, its depths with it.
+    std::fs::create_dir_all(path("aside")).unwrap();
+    let mut encoder = JpegEncoder::new(File::create(path("aside/0.jpg")).unwrap());
+    encoder.set_exif_metadata(exif(6)).unwrap();
+    RgbImage::from_pixel(128, 96, Rgb([90, 120, 60])).write_with_encoder(encoder).unwrap();
+    let turned = path("aside").display().to_string();
+    project.done(&[&["add", &project.root(), "--frames", &turned][..], &asked].concat());
+
     let mut session = Session::new();
     perform(&mut session, Command::Open(project.root().into())).unwrap();
-    let frame = session.project().unwrap().frames[0].clone();
-    let seen = session.store().depth(&frame).unwrap().unwrap();
-    assert_eq!((seen.width, seen.height), (128, 96));
+    let frames = session.project().unwrap().frames.clone();
+    let [seen, turned] = [0, 1].map(|frame| session.store().depth(&frames[frame]).unwrap().unwrap());
+    assert_eq!([(seen.width, seen.height), (turned.width, turned.height)], [(128, 96), (96, 128)]);
     // The board moves by 4 px to the right, the wall by 2; what the board hides from the depth camera stays unknown.
     for (x, depth) in [(45, 3.0), (51, 0.0), (54, 1.5), (68, 1.5), (82, 1.5), (86, 3.0)] {
         assert!((seen.at(x, 48) - depth).abs() < 1e-3, "{x}: {} is not {depth}", seen.at(x, 48));
+        assert!((turned.at(47, x) - depth).abs() < 1e-3, "{x}, turned: {} is not {depth}", turned.at(47, x));
     }
 
     let place = path("refused").display().to_string();

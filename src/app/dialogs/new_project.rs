@@ -105,7 +105,7 @@ impl NewProjectForm {
         })
     }
 
-    fn has_depth(&self) -> bool {
+    fn tells_of_depth(&self) -> bool {
         self.sources.iter().any(|source| !source.depth.trim().is_empty()) || self.has_depth_camera()
     }
 
@@ -152,7 +152,7 @@ pub(in crate::app) fn new_project_ui(ui: &Ui, view: &mut ViewState, dialog: Dial
 fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
     let (form, picker) = (&mut view.new_project, &mut view.picker);
     sources_ui(ui, picker, &mut form.sources);
-    if form.has_depth() {
+    if form.tells_of_depth() {
         depth_ui(ui, picker, form);
     }
     ui.label("Cameras")

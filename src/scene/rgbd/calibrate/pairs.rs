@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use crate::engine::job::{Progress, Stopped};
 use crate::frames::{Frame, FrameStore};
 use crate::geometry::{Camera, Pose};
+use crate::scene::rgbd::align::Aligned;
 use crate::scene::rgbd::link::{Start, align_and_check};
 use crate::scene::rgbd::pyramid::{Level, Pyramid};
 use crate::scene::rgbd::view::View;
@@ -21,7 +22,7 @@ const SAME: f32 = 0.02;
 pub struct Pair {
     /// Both, the source first.
     pub views: [Pyramid; 2],
-    target_from_source: Pose,
+    aligned: Aligned,
 }
 
 /// Frames that were taken to have one camera for pictures and depths.
@@ -47,15 +48,15 @@ impl Pair {
         let views = views.map(Pyramid::new);
         let (guess, _) = align_and_check(views.each_ref(), &[(Pose::IDENTITY, Start::Far)]).ok()?;
         let (aligned, _) = align_and_check(blind.each_ref(), &[(guess.target_from_source, Start::Near)]).ok()?;
-        Some(Self { views, target_from_source: aligned.target_from_source })
+        Some(Self { views, aligned })
     }
 
     /// The points that the depths of both show, at a level of the pyramids.
     #[must_use]
     pub fn shared(&self, level: usize) -> Vec<Shared> {
         let [source, target] = self.views.each_ref().map(|view| &view.levels[level]);
-        let rotation = Mat3::from_quat(self.target_from_source.rotation.as_quat());
-        let shift = self.target_from_source.translation.as_vec3();
+        let rotation = Mat3::from_quat(self.aligned.target_from_source.rotation.as_quat());
+        let shift = self.aligned.target_from_source.translation.as_vec3();
         let both = |pixel: usize| {
             let depth = source.depths[pixel];
             let point = source.ray(pixel % source.width, pixel / source.width) * depth;
@@ -68,7 +69,13 @@ impl Pair {
     /// How directions across the source's picture are turned in the target's.
     #[must_use]
     pub fn turn_of_picture(&self) -> Mat2 {
-        Mat2::from_mat3(Mat3::from_quat(self.target_from_source.rotation.as_quat()))
+        Mat2::from_mat3(Mat3::from_quat(self.aligned.target_from_source.rotation.as_quat()))
+    }
+
+    /// As [`Aligned::information`], by depth alone.
+    #[must_use]
+    pub fn information(&self) -> &[[f64; 6]; 6] {
+        &self.aligned.information
     }
 
     /// Mean depth of what the target sees, world units.

@@ -1,10 +1,15 @@
 use glam::{DQuat, DVec2, DVec3, Mat2, Vec2, Vec3};
+use nalgebra::{SMatrix, SVector};
 
 use crate::frames::DepthCamera;
 use crate::geometry::{Camera, Pose};
 
 /// Unknowns of a [`Parallax`].
 pub const UNKNOWNS: usize = 6;
+/// One number for each of them.
+pub type Vector = SVector<f64, UNKNOWNS>;
+/// One number for each two of them.
+pub type Matrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 
 /// How pictures lie beside the depths that they are taken to lie on: by another focal length, a turn about the axis, another
 /// principal point, and a camera that stands aside.
@@ -43,6 +48,17 @@ impl Parallax {
         [larger * (turned + self.aside), larger * turned.perp(), Vec2::X, Vec2::Y, larger * Vec2::X, larger * Vec2::Y]
     }
 
+    /// How the place where the picture sees a point moves when the point is turned about the depth camera's axes, and when it is shifted
+    /// along them.
+    #[must_use]
+    pub fn slopes_of_pose(&self, point: Vec3) -> [Vec2; 6] {
+        let turned = Mat2::from_angle(self.roll);
+        let beside = turned * point.truncate() + self.aside;
+        let moved = |by: Vec3| self.zoom.exp() / point.z * (turned * by.truncate() - beside * (by.z / point.z));
+        let [x, y, z] = Vec3::AXES;
+        [moved(x.cross(point)), moved(y.cross(point)), moved(z.cross(point)), moved(x), moved(y), moved(z)]
+    }
+
     /// The camera of pictures that were taken to have the intrinsics `given`, which are the depth's, and the depth's to it.
     #[must_use]
     pub fn cameras(&self, given: &Camera) -> (Camera, DepthCamera) {
@@ -63,15 +79,28 @@ impl Parallax {
     /// `typical`.
     #[must_use]
     pub fn apart(&self, other: &Self, camera: &Camera, typical: f32) -> f64 {
-        let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-        let off = |at_px: DVec2| {
-            let point = camera.unproject(at_px).as_vec2().extend(1.0) * typical;
-            let apart = self.project(point) - other.project(point);
-            (apart.as_dvec2() * camera.focal_px).length() / width
-        };
-        let corners = [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]];
-        corners.map(|corner| off(DVec2::from(corner))).into_iter().fold(0.0, f64::max)
+        let off = |point: Vec3| (self.project(point) - other.project(point)).as_dvec2() * camera.focal_px;
+        corners(camera, typical).map(|point| off(point).length()).into_iter().fold(0.0, f64::max)
+            / f64::from(camera.width)
     }
+
+    /// How far off pictures must be expected to lie for a covariance of the unknowns, in the measure of [`Self::apart`].
+    #[must_use]
+    pub fn doubt(&self, covariance: &Matrix, camera: &Camera, typical: f32) -> f64 {
+        let square = |point: Vec3| {
+            let slopes = self.slopes(point).map(|slope| slope.as_dvec2() * camera.focal_px);
+            let along = |axis: usize| Vector::from_fn(|unknown, _| slopes[unknown][axis]);
+            [0, 1].map(|axis| along(axis).dot(&(covariance * along(axis)))).iter().sum::<f64>()
+        };
+        corners(camera, typical).map(square).into_iter().fold(0.0, f64::max).sqrt() / f64::from(camera.width)
+    }
+}
+
+/// What is seen at depth `typical` in the corners of a camera's pictures.
+fn corners(camera: &Camera, typical: f32) -> [Vec3; 4] {
+    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+    [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]]
+        .map(|corner| camera.unproject(DVec2::from(corner)).as_vec2().extend(1.0) * typical)
 }
 
 #[cfg(test)]
@@ -105,5 +134,28 @@ mod tests {
             let (measured, slope) = ((by(1e-2) - by(-1e-2)) / 2e-2, PARALLAX.slopes(point)[unknown]);
             assert!(measured.abs_diff_eq(slope, 1e-4), "{unknown}: {measured} is not {slope}");
         }
+    }
+
+    #[test]
+    fn slopes_of_a_pose_are_those_of_small_steps() {
+        let point = Vec3::new(0.4, -0.2, 1.5);
+        for (unknown, slope) in PARALLAX.slopes_of_pose(point).into_iter().enumerate() {
+            let axis = Vec3::AXES[unknown % 3];
+            let moved = |by: f32| if unknown < 3 { point + by * axis.cross(point) } else { point + by * axis };
+            let measured = (PARALLAX.project(moved(1e-2)) - PARALLAX.project(moved(-1e-2))) / 2e-2;
+            assert!(measured.abs_diff_eq(slope, 1e-3), "{unknown}: {measured} is not {slope}");
+        }
+    }
+
+    #[test]
+    fn doubt_is_how_far_corners_move() {
+        let camera = Camera::pinhole(640, 480, 600.0, 600.0, 320.0, 240.0);
+        let shift = |by: f64| Matrix::from_diagonal(&Vector::from([0.0, 0.0, by * by, 0.0, 0.0, 0.0]));
+        let off = PARALLAX.doubt(&shift(0.02), &camera, 2.0);
+        let moved = Parallax { shift: PARALLAX.shift + Vec2::new(0.02, 0.0), ..PARALLAX };
+        assert!((off - PARALLAX.apart(&moved, &camera, 2.0)).abs() < 1e-6, "{off}");
+        let zoom = Matrix::from_diagonal(&Vector::from([1e-6, 0.0, 0.0, 0.0, 0.0, 0.0]));
+        let (off, moved) = (PARALLAX.doubt(&zoom, &camera, 2.0), Parallax { zoom: PARALLAX.zoom + 1e-3, ..PARALLAX });
+        assert!((off / PARALLAX.apart(&moved, &camera, 2.0) - 1.0).abs() < 0.01, "{off}");
     }
 }

@@ -14,6 +14,9 @@ const BETTER: f64 = 0.85;
 /// How far apart two halves of the pairs may put the picture's corners, as a share of how far these move: both together are
 /// then off by about half as much.
 const AGREE: f64 = 0.5;
+/// How far off they must be expected to lie by all pairs, as the same share: a camera that hardly moves tells little, and both halves
+/// the same little.
+const SURE: f64 = 0.33;
 
 /// The camera of pictures that do not lie on their depths.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +32,8 @@ pub struct Calibration {
 /// Finds the cameras of pictures that do not lie on their depths, for frames whose depth has no camera of its own: two
 /// cameras stand side by side in most sensors, and many recordings hold what they saw as they saw it. The depths of some
 /// pairs of frames are laid onto each other; under the right parallax the pictures then show the same where the depths do.
-/// It is believed only where half of the pairs finds nearly what the other half does, and each is better by it on the other.
+/// It is believed only where half of the pairs finds nearly what the other half does, each is better by it on the other, and what
+/// all tell leaves little open.
 /// Frames that share the intrinsics of others for which this was found earlier are taken to be from the same sensor. A
 /// given lens distortion tells that the picture's camera was calibrated: such frames are left as they are.
 ///
@@ -118,16 +122,18 @@ fn parallax(recording: &Recording<'_>, progress: &Progress) -> Result<Option<Par
         return Ok(None);
     }
     let all: Vec<&Pair> = pairs.iter().collect();
-    let found = fit(&all);
+    let (found, covariance) = fit(&all);
     let halves = [0, 1].map(|odd| pairs.iter().skip(odd).step_by(2).collect::<Vec<&Pair>>());
-    let of_half = halves.each_ref().map(|half| fit(half));
+    let of_half = halves.each_ref().map(|half| fit(half).0);
     let is_better = |pairs: &[&Pair], parallax: &Parallax| {
         let [with, without] = errors(pairs, parallax);
         with < BETTER * without
     };
     let typical = pairs.iter().map(Pair::typical_depth).sum::<f32>() / pairs.len() as f32;
     let apart = |a: &Parallax, b: &Parallax| a.apart(b, &recording.camera, typical);
-    let agree = apart(&of_half[0], &of_half[1]) < AGREE * apart(&found, &Parallax::default());
+    let size = apart(&found, &Parallax::default());
+    let agree = apart(&of_half[0], &of_half[1]) < AGREE * size;
+    let sure = found.doubt(&covariance, &recording.camera, typical) < SURE * size;
     let better = is_better(&halves[1], &of_half[0]) && is_better(&halves[0], &of_half[1]) && is_better(&all, &found);
-    Ok((agree && better).then_some(found))
+    Ok((agree && sure && better).then_some(found))
 }
