@@ -87,6 +87,18 @@ impl Region {
         }
     }
 
+    /// Keeps only the components (diagonals join) that share a pixel with another region of the same size.
+    pub fn keep_touching(&mut self, other: &Self) {
+        let found = components(self, Connectivity::Eight);
+        let mut touches = vec![false; found.areas.len() + 1];
+        for (&label, _) in found.labels.iter().zip(&other.inside).filter(|(_, inside)| **inside) {
+            touches[label as usize] = label > 0;
+        }
+        for (inside, &label) in self.inside.iter_mut().zip(&found.labels) {
+            *inside = touches[label as usize];
+        }
+    }
+
     fn keep_components(&mut self, keep: impl Fn(usize, &[usize]) -> bool) {
         let found = components(self, Connectivity::Eight);
         let kept: Vec<bool> = found.areas.iter().map(|&area| keep(area, &found.areas)).collect();
@@ -180,6 +192,13 @@ mod tests {
         let mut two = region(&["##.#", "...#", "#..."]);
         two.keep_largest();
         assert_eq!(two, region(&["##..", "....", "...."]));
+    }
+
+    #[test]
+    fn what_touches_another_region_is_kept_whole() {
+        let mut three = region(&["##.#", "...#", "#..."]);
+        three.keep_touching(&region(&["..##", "..#.", "...."]));
+        assert_eq!(three, region(&["...#", "...#", "...."]));
     }
 
     /// Components by flood fill, as a check.

@@ -26,16 +26,18 @@ pub fn tidy(
     Ok(removed + assign(mask, &filled, label, PaintRule::Protect, tree)?)
 }
 
-/// The pixels of a label and its parts with those that it may take in its holes below a size.
+/// The pixels of a label and its parts with those that it may take in its holes below a size; what others cut off from it there stays.
 fn filled(mask: &LabelMask, label: LabelId, below_px: usize, tree: &LabelTree) -> Region {
     let mut filled = mask.region_with_parts(label, tree);
     let Some(most) = below_px.checked_sub(1) else { return filled };
     let mut closed = filled.clone();
     closed.fill_holes(most);
     let yields = yielding(label, &[], tree);
+    let own = filled.clone();
     for ((inside, closed), id) in filled.inside.iter_mut().zip(&closed.inside).zip(&mask.ids) {
         *inside |= *closed && yields.contains(id);
     }
+    filled.keep_touching(&own);
     filled
 }
 
@@ -69,11 +71,12 @@ mod tests {
             let before = mask.region_with_parts(label, &tree);
             let mut filled = before.clone();
             filled.fill_holes(holes.max(1) - 1);
-            let mut largest = filled.clone();
             let free = |id: LabelId| id == LabelId::NONE || tree.is_ancestor(id, label);
-            for (at, inside) in largest.inside.iter_mut().enumerate() {
+            for (at, inside) in filled.inside.iter_mut().enumerate() {
                 *inside &= before.inside[at] || free(mask.ids[at]);
             }
+            filled.keep_touching(&before);
+            let mut largest = filled.clone();
             largest.keep_largest();
             let mut counted = 0;
             for (at, (&old, &new)) in mask.ids.iter().zip(&tidied.ids).enumerate() {
@@ -130,5 +133,20 @@ mod tests {
         assert_eq!(tidy(&mut mask, LabelId(5), 2, 8, &tree()).unwrap(), 0);
         assert_eq!(tidy(&mut mask, LabelId(5), 2, 9, &tree()).unwrap(), 8);
         assert_eq!((mask.at(6, 0), mask.at(7, 1)), (LabelId::NONE, LabelId(2)));
+    }
+
+    #[test]
+    fn what_another_label_cuts_off_in_a_hole_stays() {
+        // A ring of the label around a ring of another around nothing.
+        let id = |x: i32, y: i32| match (x - 6).abs().max((y - 6).abs()) {
+            5 => LabelId(5),
+            4 => LabelId(2),
+            _ => LabelId::NONE,
+        };
+        let ids = (0..13).flat_map(|y| (0..13).map(move |x| id(x, y))).collect();
+        let mut mask = LabelMask { width: 13, height: 13, ids };
+        let before = mask.clone();
+        assert_eq!(tidy(&mut mask, LabelId(5), 82, 41, &tree()).unwrap(), 0);
+        assert_eq!(mask, before);
     }
 }

@@ -24,7 +24,7 @@ const USUAL: [f64; UNKNOWNS] = [0.1, 0.02, 0.005, 0.005, 0.03, 0.03];
 const OF_POSE: usize = 6;
 /// What holds a pose where neither depth nor picture does: one over the square of radians and world units.
 const LEAST_HELD: f64 = 1.0;
-/// How far off depth alone lays what both see, root of the mean square over the typical depth.
+/// How far off depth alone lays what both see in each of the ways that a pose can be off, over the typical depth.
 const LAID_OFF: f64 = 1e-3;
 /// Pixels that tell as much as one that is independent of all others.
 const ALIKE: f64 = 300.0;

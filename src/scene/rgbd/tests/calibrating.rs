@@ -39,11 +39,11 @@ fn found(recording: &Recording) -> Vec<Calibration> {
     calibrate(&recording.frames, &FrameStore::new(64 << 20), &Progress::default()).unwrap()
 }
 
-/// How far the picture's corners are off where what they show mostly is, pixels.
-fn off_px(found: &Calibration) -> f64 {
+/// How far the picture's corners are off for what lies at a depth, pixels.
+fn off_px(found: &Calibration, depth: f64) -> f64 {
     let (picture, picture_from_depth) = beside();
     let off = |x: f64, y: f64| {
-        let point = camera().unproject(glam::DVec2::new(x, y)).extend(1.0) * 2.5;
+        let point = camera().unproject(glam::DVec2::new(x, y)).extend(1.0) * depth;
         let truth = picture.project(picture_from_depth.transform(point)).unwrap();
         truth.distance(found.picture.project(found.depth.picture_from_depth.transform(point)).unwrap())
     };
@@ -58,8 +58,13 @@ fn a_camera_beside_the_depths_is_found_and_the_recording_placed_by_it() {
     let calibration = &calibrations[0];
     assert_eq!(calibration.frames, (0..18).collect::<Vec<_>>());
     assert_eq!(calibration.depth.intrinsics, camera(), "the depths' camera is the one that was given");
-    // As they were taken to lie, the corners are up to 21 pixels off.
-    assert!(off_px(calibration) < 2.5, "{} px: {calibration}", off_px(calibration));
+    // As they were taken to lie, the corners are up to 21 pixels off. Most lies at 2.4 m; how far aside the camera stands is hardly told, so
+    // that what is near lies farther off.
+    for (depth, most_px) in [(2.4, 2.5), (1.2, 6.0)] {
+        let off = off_px(calibration, depth);
+        println!("pictures beside their depths: {off:.2} px off at {depth} m");
+        assert!(off < most_px, "{off} px at {depth} m: {calibration}");
+    }
     calibration.apply(&mut recording.frames);
     let result = recording.register(&NearestMatcher::for_bytes(), 1).unwrap();
     assert_eq!(result.cameras.len(), 18);

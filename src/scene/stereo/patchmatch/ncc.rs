@@ -1,14 +1,11 @@
-use pulp::{NullaryFnOnce, Simd};
+use pulp::Simd;
 
 use super::plane::Plane;
-use super::texture::Texture;
+use super::texture::{ROUNDING, Texture};
 use super::window::{FLAT_VARIANCE, NOISE, PADDED, Patch, TAPS, Window};
 
 /// Cost of a hypothesis that cannot be compared.
 pub const WORST: f32 = 2.0;
-/// Adding and taking away this rounds a float between −2²² and 2²² to an integer; between the two, its bits are this one's and
-/// the integer.
-const ROUNDING: f32 = 12_582_912.0;
 /// The bits of this and a byte are their sum's.
 const COUNTING: f32 = 8_388_608.0;
 /// Sum of differences of chroma up to which colours are the same (noise, and what JPEG leaves), 0–255 each.
@@ -63,30 +60,7 @@ pub fn cost<S: Simd>(
     transfer: &Transfer,
     texture: &Texture,
 ) -> f32 {
-    simd.vectorize(Comparison { simd, window, patch, homography: transfer.homography(plane, x, y), texture })
-}
-
-/// One comparison, compiled once for the processor at hand.
-struct Comparison<'a, S> {
-    simd: S,
-    window: &'a Window,
-    patch: &'a Patch,
-    homography: [[f32; 3]; 3],
-    texture: &'a Texture,
-}
-
-impl<S: Simd> NullaryFnOnce for Comparison<'_, S> {
-    type Output = f32;
-
-    #[inline(always)]
-    fn call(self) -> f32 {
-        compare(&self)
-    }
-}
-
-#[inline(always)]
-fn compare<S: Simd>(comparison: &Comparison<'_, S>) -> f32 {
-    let &Comparison { simd, window, patch, ref homography, texture } = comparison;
+    let homography = &transfer.homography(plane, x, y);
     let [u, v, z] = homography[0];
     let (right, bottom) = (texture.last_column(), texture.last_row());
     // Without branches between the conditions.

@@ -30,7 +30,7 @@ pub trait Passes {
     /// [`Stopped`].
     fn score(&mut self, level: &Level<'_>, field: &mut Self::Field, progress: &Progress) -> Result<(), Self::Error>;
 
-    /// One iteration: all red pixels, then all black ones.
+    /// One iteration over the field that was scored last: all red pixels, then all black ones.
     ///
     /// # Errors
     /// [`Stopped`].
@@ -58,6 +58,7 @@ pub trait Passes {
 /// The passes on all cores of the processor.
 #[derive(Debug, Default)]
 pub struct Processor {
+    /// Of the field that was scored last.
     empty: Empty,
 }
 

@@ -25,6 +25,7 @@ pub fn sweep(
         let (half, [red, black]) = (field.half(), &mut field.colors);
         let (own, other) = if color == 0 { (red, &*black) } else { (black, &*red) };
         let Color { planes, costs } = own;
+        debug_assert_eq!(planes.len(), empty[color as usize].len(), "marks of another field");
         let pixels = planes.par_chunks_mut(half).zip(costs.par_chunks_mut(half));
         let rows = pixels.zip(empty[color as usize].par_chunks(half)).enumerate();
         rows.try_for_each(|(y, ((planes, costs), empty))| {

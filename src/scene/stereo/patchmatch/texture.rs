@@ -32,6 +32,17 @@ impl Tones {
     }
 }
 
+/// Adding and taking away this rounds a float between −2²² and 2²² to an integer; between the two, its bits are this one's and
+/// the integer.
+pub const ROUNDING: f32 = 12_582_912.0;
+
+/// The pixel below a position, 0 or more, and the share of the way to the next; either one where the position is a pixel's.
+#[inline(always)]
+fn split(at: f32) -> (usize, f32) {
+    let counted = at - 0.5 + ROUNDING;
+    (counted.to_bits().wrapping_sub(ROUNDING.to_bits()) as usize, at - (counted - ROUNDING))
+}
+
 /// The mean of a pixel and those to the right of it and below.
 fn quarter(at: impl Fn(usize) -> f32, width: usize) -> f32 {
     0.25 * (at(0) + at(1) + at(width) + at(width + 1))
@@ -92,11 +103,9 @@ impl Texture {
     /// The colour at a place within the picture, between its four pixels.
     #[inline(always)]
     pub fn chroma_at(&self, u: f32, v: f32) -> [f32; 2] {
-        // Signed 32 bits are what processors convert to.
-        let (left, top) = (u as i32 as usize, v as i32 as usize);
+        let ((left, share_x), (top, share_y)) = (split(u), split(v));
         let (left, top) = (left.min(self.width - 1), top.min(self.height - 1));
         let (right, bottom) = ((left + 1).min(self.width - 1), (top + 1).min(self.height - 1));
-        let (share_x, share_y) = (u - left as f32, v - top as f32);
         let corner = |x: usize, y: usize| self.chroma[y * self.width + x].map(f32::from);
         let (a, b, c, d) = (corner(left, top), corner(right, top), corner(left, bottom), corner(right, bottom));
         std::array::from_fn(|k| {
