@@ -13,6 +13,8 @@ fn masks() -> impl Strategy<Value = Vec<(usize, RunMask)>> {
     let one = runs.prop_map(move |runs| {
         mask(runs.into_iter().flat_map(|(id, count)| std::iter::repeat_n(id, count)).take(pixels))
     });
+    let labelled = |mask: &RunMask| mask.decode().ids.iter().any(|&id| id != LabelId::NONE);
+    let one = one.prop_filter("not all formats can say that a frame has no labels", labelled);
     prop::collection::vec(one, NAMES.len()).prop_map(|masks| masks.into_iter().enumerate().collect())
 }
 
