@@ -116,7 +116,7 @@ impl DepthStore for Shown<'_> {
 
     fn save(&self, frame: usize, stage: Stage, estimate: DepthEstimate) -> Result<(), SceneError> {
         if self.link.is_watched() {
-            let least = if stage == Stage::Filtered { 0 } else { SURE };
+            let least = if let Stage::Round(_) = stage { SURE } else { 0 };
             let (points, job) = (self.points(frame, &estimate, least)?, self.link.job());
             self.link.send(move |session: &mut Session| {
                 session.grow(job, frame, points);

@@ -60,7 +60,7 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
     account.outcomes = Some(outcomes);
     folder.save_account(&account)?;
     folder.finish();
-    let made: Vec<bool> = (0..project.frames.len()).map(|frame| folder.has(frame, Stage::Filtered)).collect();
+    let made: Vec<bool> = (0..project.frames.len()).map(|frame| folder.has(frame, Stage::Complete)).collect();
     let record = ResultRecord {
         engine: "stereo".into(),
         frames: made.iter().filter(|&&made| made).count(),

@@ -99,7 +99,8 @@ impl DepthFolder {
     fn of_stage(&self, stage: Stage) -> PathBuf {
         match stage {
             Stage::Round(round) => self.folder.join(ROUNDS).join(round.to_string()),
-            Stage::Filtered => self.folder.join(MAPS),
+            Stage::Filtered => self.folder.join(ROUNDS).join("filtered"),
+            Stage::Complete => self.folder.join(MAPS),
         }
     }
 }
@@ -110,7 +111,7 @@ impl DepthStore for DepthFolder {
             Ok(made) => made,
             Err(FrameError::Missing { .. }) => return Ok(None),
             // What is in the making is made again.
-            Err(FrameError::Invalid { .. }) if stage != Stage::Filtered => return Ok(None),
+            Err(FrameError::Invalid { .. }) if stage != Stage::Complete => return Ok(None),
             Err(error) => return Err(error.into()),
         };
         let depths = depth.depths.iter().map(|depth| self.scale * depth).collect();

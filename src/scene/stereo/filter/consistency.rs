@@ -4,12 +4,13 @@ use glam::{Mat3, Vec3};
 
 use super::options::Agreement;
 use crate::scene::stereo::DepthEstimate;
-use crate::scene::stereo::patchmatch::{Picture, Plane, Raster, Transfer};
+use crate::scene::stereo::patchmatch::{Picture, Plane, Raster, Texture, Transfer};
 
 /// Another view's depths beside a view.
 #[derive(Debug, Clone)]
 pub struct Neighbour {
     estimate: Arc<DepthEstimate>,
+    texture: Arc<Texture>,
     raster: Raster,
     transfer: Transfer,
     back: Transfer,
@@ -35,6 +36,7 @@ impl Neighbour {
         let here_from_there = view.camera_from_world.compose(&other.camera_from_world.inverse());
         Self {
             estimate,
+            texture: Arc::clone(&other.levels[0]),
             raster: other.raster(0),
             transfer: view.transfer(other, 0),
             back: other.transfer(view, 0),
@@ -64,6 +66,49 @@ impl Neighbour {
         around.into_iter().find_map(|pixel| self.agreeing(&point, pixel, agreement))
     }
 
+    /// For each pixel of a view of `width · height` pixels what the neighbour sees nearest there: its own pixel, `None` where
+    /// it sees nothing.
+    #[must_use]
+    pub fn projected(&self, (width, height): (usize, usize)) -> Vec<Option<u32>> {
+        let mut seen = vec![None; width * height];
+        let mut nearest = vec![0.0; seen.len()];
+        for (pixel, &depth) in self.estimate.depths.iter().enumerate().filter(|&(_, &depth)| depth > 0.0) {
+            let (x, y, inverse_depth) = self.place(pixel, depth);
+            let (column, row) = ((x + 0.5).floor(), (y + 0.5).floor());
+            let is_inside = column >= 0.0 && row >= 0.0 && column < width as f32 && row < height as f32;
+            if !is_inside || inverse_depth <= 0.0 {
+                continue;
+            }
+            let at = row as usize * width + column as usize;
+            if inverse_depth > nearest[at] {
+                (nearest[at], seen[at]) = (inverse_depth, Some(pixel as u32));
+            }
+        }
+        seen
+    }
+
+    /// The surface of one of its pixels as the view sees it; `None` where depth is unknown.
+    #[must_use]
+    pub fn surface(&self, pixel: usize) -> Option<Surface> {
+        let depth = Some(self.estimate.depths[pixel]).filter(|&depth| depth > 0.0)?;
+        let (_, _, inverse_depth) = self.place(pixel, depth);
+        let normal = self.here_from_there * self.estimate.normal(pixel);
+        Some(Surface { inverse_depth, normal, confidence: self.estimate.confidence[pixel] })
+    }
+
+    /// How far a pixel's colour is from that of a pixel of `texture`, squared grey levels.
+    #[must_use]
+    pub fn color_difference(&self, pixel: usize, texture: &Texture, at: usize) -> f32 {
+        texture.color_difference(at, &self.texture, pixel)
+    }
+
+    /// Where the view sees a pixel of known depth, and its inverse depth there.
+    fn place(&self, pixel: usize, depth: f32) -> (f32, f32, f32) {
+        let width = self.estimate.width();
+        let [x, y, z] = self.back.apply((pixel % width) as f32, (pixel / width) as f32, 1.0 / depth);
+        (x / z, y / z, 1.0 / (depth * z))
+    }
+
     /// The neighbour's pixel in a column and row, where it agrees.
     fn agreeing(&self, point: &Seen, (column, row): (f32, f32), agreement: &Agreement) -> Option<Match> {
         let (width, height) = (self.estimate.width(), self.estimate.height());
@@ -88,6 +133,17 @@ impl Neighbour {
             && normal.dot(point.normal) >= agreement.normal_cosine;
         agrees.then(|| Match { pixel, inverse_depth: point.inverse_depth / ratio, normal })
     }
+}
+
+/// A neighbour's surface as a view sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surface {
+    /// Inverse depth; below 0 behind the view.
+    pub inverse_depth: f32,
+    /// Normal in the view's camera space.
+    pub normal: Vec3,
+    /// How well the neighbour's sources agree with it, 0–255.
+    pub confidence: u8,
 }
 
 /// A pixel's point and where a neighbour sees it.

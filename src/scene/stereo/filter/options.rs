@@ -38,6 +38,24 @@ impl Default for SnapOptions {
     }
 }
 
+/// When a view takes over what others see.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct CompleteOptions {
+    /// Nearer than a view's own depth by this share is before it, 0–1.
+    pub before: f32,
+    /// Largest difference of colour between the view and what is taken over, grey levels.
+    pub color_difference: f32,
+    /// The difference of colour may be this many times that of the view's own depth, where it has one, above 0.
+    pub color_ratio: f32,
+}
+
+impl Default for CompleteOptions {
+    fn default() -> Self {
+        Self { before: 0.02, color_difference: 40.0, color_ratio: 1.0 }
+    }
+}
+
 /// Which depths are kept.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -56,6 +74,8 @@ pub struct FilterOptions {
     pub gap_pixels: usize,
     /// Neighbouring pixels are one surface where their depths differ by at most this share, 0–1.
     pub surface_tolerance: f32,
+    /// What is taken over from others in the end.
+    pub complete: CompleteOptions,
 }
 
 impl Default for FilterOptions {
@@ -68,6 +88,7 @@ impl Default for FilterOptions {
             min_support: 20,
             gap_pixels: 7,
             surface_tolerance: 0.01,
+            complete: CompleteOptions::default(),
         }
     }
 }

@@ -57,7 +57,9 @@ fn better(estimate: &DepthEstimate, picture: &Texture, at: usize, options: &Snap
     if others().all(|to| same(estimate.depths[to], own)) {
         return None;
     }
-    let alike = |to: usize| (-0.5 * difference(picture, at, to) / (options.color_sigma * options.color_sigma)).exp();
+    let alike = |to: usize| {
+        (-0.5 * picture.color_difference(at, picture, to) / (options.color_sigma * options.color_sigma)).exp()
+    };
     let elsewhere = others().filter(|&to| !same(estimate.depths[to], own));
     let (best, _) = elsewhere.map(|to| (to, alike(to))).reduce(|a, b| if b.1 > a.1 { b } else { a })?;
     let (mut here, mut there) = (Fit::default(), Fit::default());
@@ -70,12 +72,4 @@ fn better(estimate: &DepthEstimate, picture: &Texture, at: usize, options: &Snap
     }
     let fits = there.sum >= options.least_fit && there.mean() > options.better * here.mean();
     fits.then_some(best)
-}
-
-/// Squared difference of two pixels' colours, chroma counted as in the weights of a patch.
-fn difference(picture: &Texture, a: usize, b: usize) -> f32 {
-    let grey = |at: usize| f32::from(picture.quads[at] as u8);
-    let (p, q) = (picture.chroma[a], picture.chroma[b]);
-    let chroma = |k: usize| f32::from(p[k].abs_diff(q[k])).powi(2);
-    (grey(a) - grey(b)).powi(2) + 3.0 * (chroma(0) + chroma(1))
 }

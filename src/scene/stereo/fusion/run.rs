@@ -43,7 +43,7 @@ pub fn fuse_depths(
     }
     for (&number, &place) in &places {
         progress.step(place, places.len())?;
-        let Some(estimate) = depths.load(number, Stage::Filtered)? else { continue };
+        let Some(estimate) = depths.load(number, Stage::Complete)? else { continue };
         let (Some((camera, pose)), Some(own)) = (frames[number].posed_camera(), picture(&frames[number], max_side))
         else {
             continue;
@@ -52,7 +52,7 @@ pub fn fuse_depths(
         let around = connected(neighbours, number);
         let mut others = Vec::new();
         for other in around {
-            let (Some(&at), Some(estimate)) = (places.get(&other), depths.load(other, Stage::Filtered)?) else {
+            let (Some(&at), Some(estimate)) = (places.get(&other), depths.load(other, Stage::Complete)?) else {
                 continue;
             };
             if let Some(picture) = picture(&frames[other], max_side) {

@@ -100,6 +100,15 @@ impl Texture {
         self.quads[y * self.width + x] as u8
     }
 
+    /// Squared difference of the colours of a pixel and one of another picture, in grey levels; chroma counts as in the
+    /// weights of a patch.
+    pub fn color_difference(&self, at: usize, other: &Self, there: usize) -> f32 {
+        let grey = f32::from(self.quads[at] as u8) - f32::from(other.quads[there] as u8);
+        let (p, q) = (self.chroma[at], other.chroma[there]);
+        let chroma = |k: usize| f32::from(p[k].abs_diff(q[k])).powi(2);
+        grey * grey + 3.0 * (chroma(0) + chroma(1))
+    }
+
     /// The colour at a place within the picture, between its four pixels.
     #[inline(always)]
     pub fn chroma_at(&self, u: f32, v: f32) -> [f32; 2] {

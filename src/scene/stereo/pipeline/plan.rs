@@ -4,6 +4,7 @@ use super::outcome::ViewOutcome;
 use super::pictures::Pictures;
 use super::run::StereoRequest;
 use crate::engine::job::Progress;
+use crate::scene::stereo::patchmatch::MAX_SOURCES;
 use crate::scene::stereo::range::{depth_range, seen_points};
 use crate::scene::stereo::raster::raster_camera;
 use crate::scene::stereo::{SelectOptions, StereoError, select_sources};
@@ -15,6 +16,8 @@ pub struct PlannedView {
     pub frame: usize,
     /// The frames that it is compared with, the best first.
     pub sources: Vec<usize>,
+    /// These, and further frames that see much of the same.
+    pub around: Vec<usize>,
     /// Depths to search.
     pub depth_range: [f64; 2],
     /// Pixels of the raster whose depth sparse points tell.
@@ -55,19 +58,20 @@ pub fn plan(
         };
         planned.outcomes.insert(number, outcome);
     }
-    let sources = select_sources(request.frames, &usable, request.sparse, options);
-    for (&number, sources) in usable.iter().zip(sources) {
+    let around = select_sources(request.frames, &usable, request.sparse, options);
+    for (&number, around) in usable.iter().zip(around) {
         let frame = &request.frames[number];
         let points = seen_points(frame, number, request.sparse);
-        match depth_range(&points).filter(|_| !sources.is_empty()).zip(frame.posed_camera()) {
+        match depth_range(&points).filter(|_| !around.is_empty()).zip(frame.posed_camera()) {
             Some((depth_range, (lens, _))) => {
                 let raster = raster_camera(lens, pictures.max_side());
                 let seeds = points.iter().filter_map(|x_in_camera| {
                     let at_px = raster.project(*x_in_camera).filter(|&at_px| raster.contains(at_px))?;
                     Some((at_px.x as usize, at_px.y as usize, x_in_camera.z as f32))
                 });
-                let sources = sources.iter().map(|source| source.frame).collect();
-                planned.views.push(PlannedView { frame: number, sources, depth_range, seeds: seeds.collect() });
+                let around: Vec<usize> = around.iter().map(|source| source.frame).collect();
+                let sources = around.iter().take(options.sources.clamp(1, MAX_SOURCES)).copied().collect();
+                planned.views.push(PlannedView { frame: number, sources, around, depth_range, seeds: seeds.collect() });
             }
             None => {
                 planned.outcomes.insert(number, ViewOutcome::NothingShared { points: points.len() });

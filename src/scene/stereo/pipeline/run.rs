@@ -1,6 +1,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::outcome::ViewOutcome;
 use super::pictures::Pictures;
 use super::plan::{Planned, PlannedView, plan};
@@ -9,7 +11,7 @@ use crate::engine::job::Progress;
 use crate::frames::cameras::SparsePoints;
 use crate::frames::{Frame, FrameStore};
 use crate::scene::SceneError;
-use crate::scene::stereo::filter::{FilterOptions, Neighbour, filter, snapped};
+use crate::scene::stereo::filter::{FilterOptions, Neighbour, completed, filter, snapped};
 use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Round, Search};
 use crate::scene::stereo::{DepthEstimate, Engine, SelectOptions, StereoError};
 
@@ -85,7 +87,7 @@ pub fn estimate_depths(
         for (done, view) in views.iter().enumerate() {
             progress.step(done, views.len())?;
             // Of a run that goes on, earlier rounds of what was done later are gone.
-            let mut done_since = (round..=options.rounds).map(Stage::Round).chain([Stage::Filtered]);
+            let mut done_since = (round..=options.rounds).map(Stage::Round).chain([Stage::Filtered, Stage::Complete]);
             if !done_since.any(|stage| depths.has(view.frame, stage)) {
                 depths.save(view.frame, Stage::Round(round), work.searched(view, round, &mut pictures)?)?;
             }
@@ -97,10 +99,16 @@ pub fn estimate_depths(
     progress.stage("filter")?;
     for (done, view) in views.iter().enumerate() {
         progress.step(done, views.len())?;
-        let pixels = work.filtered(view, &mut pictures)?;
-        outcomes.insert(view.frame, ViewOutcome::Done { pixels, sources: view.sources.clone() });
+        work.filter(view, &mut pictures)?;
     }
     depths.forget(Stage::Round(options.rounds))?;
+    progress.stage("complete")?;
+    for (done, view) in views.iter().enumerate() {
+        progress.step(done, views.len())?;
+        let pixels = work.complete(view, &mut pictures)?;
+        outcomes.insert(view.frame, ViewOutcome::Done { pixels, sources: view.sources.clone() });
+    }
+    depths.forget(Stage::Filtered)?;
     Ok(outcomes)
 }
 
@@ -141,7 +149,7 @@ impl Work<'_> {
                     Ok(self.found(number, before, picture)?.map(Arc::new))
                 };
                 let others: Vec<Option<Arc<Found>>> =
-                    view.sources.iter().zip(&sources).map(of_source).collect::<Result<_, StereoError>>()?;
+                    view.sources.par_iter().zip(&sources).map(of_source).collect::<Result<_, StereoError>>()?;
                 let round = Round { start: &start, others: &others, before };
                 engine.search_consistent(&task, &round, options, self.progress)?
             }
@@ -151,30 +159,59 @@ impl Work<'_> {
 
     /// What a round found in a view, or what was kept of that in the end.
     fn found(&self, number: usize, round: u32, picture: &Picture) -> Result<Option<Found>, StereoError> {
-        let estimate = match self.depths.load(number, Stage::Round(round))? {
-            Some(estimate) => Some(estimate),
-            None => self.depths.load(number, Stage::Filtered)?,
-        };
-        Ok(estimate.map(|estimate| estimate.found(picture)))
+        Ok(self.kept(number, Stage::Round(round))?.map(|estimate| estimate.found(picture)))
     }
 
-    /// Keeps of a view's depth what its sources agree with, if that is not done yet; gives the number of its pixels.
-    fn filtered(&self, view: &PlannedView, pictures: &mut Pictures<'_>) -> Result<usize, StereoError> {
-        let last = Stage::Round(self.options.rounds);
-        if self.depths.load(view.frame, Stage::Filtered)?.is_none()
-            && let Some(own) = self.depths.load(view.frame, last)?
-        {
-            let mut get = |number: usize| pictures.get(number).map_err(SceneError::Request);
-            let reference = get(view.frame)?;
-            let mut neighbours = Vec::new();
-            for &number in &view.sources {
-                let Some(estimate) = self.depths.load(number, last)? else { continue };
-                neighbours.push(Neighbour::new(&reference, get(number)?.as_ref(), estimate));
+    /// A view's depth at a stage, or else at the furthest that there is.
+    fn kept(&self, number: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, StereoError> {
+        for stage in [stage, Stage::Filtered, Stage::Complete] {
+            if let Some(estimate) = self.depths.load(number, stage)? {
+                return Ok(Some(estimate));
             }
-            let own = snapped(&own, &reference.levels[0], &self.options.filter.snap);
-            self.depths.save(view.frame, Stage::Filtered, filter(&own, &neighbours, &self.options.filter))?;
         }
-        let kept = self.depths.load(view.frame, Stage::Filtered)?;
+        Ok(None)
+    }
+
+    /// Keeps of a view's depth what its sources agree with, if that is not done yet.
+    fn filter(&self, view: &PlannedView, pictures: &mut Pictures<'_>) -> Result<(), StereoError> {
+        let last = Stage::Round(self.options.rounds);
+        let is_done = [Stage::Filtered, Stage::Complete].iter().any(|&stage| self.depths.has(view.frame, stage));
+        let Some(own) = (if is_done { None } else { self.depths.load(view.frame, last)? }) else { return Ok(()) };
+        let (reference, neighbours) = self.neighbours((view.frame, &view.sources), last, pictures)?;
+        let own = snapped(&own, &reference.levels[0], &self.options.filter.snap);
+        Ok(self.depths.save(view.frame, Stage::Filtered, filter(&own, &neighbours, &self.options.filter))?)
+    }
+
+    /// Takes over into a view's depth what its sources see, if that is not done yet; gives the number of its pixels.
+    fn complete(&self, view: &PlannedView, pictures: &mut Pictures<'_>) -> Result<usize, StereoError> {
+        if !self.depths.has(view.frame, Stage::Complete)
+            && let Some(own) = self.depths.load(view.frame, Stage::Filtered)?
+        {
+            let (reference, neighbours) = self.neighbours((view.frame, &view.around), Stage::Filtered, pictures)?;
+            let allowed = (self.request.mask)(view.frame, &reference.camera);
+            let (picture, filter) = (&reference.levels[0], &self.options.filter);
+            let completed = completed(&own, picture, allowed.as_deref(), &neighbours, filter);
+            self.depths.save(view.frame, Stage::Complete, completed)?;
+        }
+        let kept = self.depths.load(view.frame, Stage::Complete)?;
         Ok(kept.map_or(0, |kept| kept.depths.iter().filter(|&&depth| depth > 0.0).count()))
+    }
+
+    /// A view's picture, and the depths of others at a stage.
+    fn neighbours(
+        &self,
+        (view, others): (usize, &[usize]),
+        stage: Stage,
+        pictures: &mut Pictures<'_>,
+    ) -> Result<(Arc<Picture>, Vec<Neighbour>), StereoError> {
+        let mut get = |number: usize| pictures.get(number).map_err(SceneError::Request);
+        let reference = get(view)?;
+        let kept: Vec<_> = others.par_iter().map(|&number| self.kept(number, stage)).collect::<Result<_, _>>()?;
+        let mut neighbours = Vec::new();
+        for (&number, estimate) in others.iter().zip(kept) {
+            let Some(estimate) = estimate else { continue };
+            neighbours.push(Neighbour::new(&reference, get(number)?.as_ref(), estimate));
+        }
+        Ok((reference, neighbours))
     }
 }

@@ -9,8 +9,10 @@ use crate::scene::stereo::DepthEstimate;
 pub enum Stage {
     /// After so many rounds with geometric consistency; 0 = by the pictures alone.
     Round(u32),
-    /// Filtered: ready to be looked at and fused.
+    /// What of the last round other views agree with.
     Filtered,
+    /// With what others see: ready to be looked at and fused.
+    Complete,
 }
 
 /// Where depths are kept while others are made, and afterwards: what is there when a run starts is not made again.

@@ -37,7 +37,7 @@ fn depth(has_texture: impl Fn(DVec3) -> bool, prior_weight: f32) -> DepthEstimat
     let options = StereoOptions { max_side: SIZE.0, patchmatch, ..StereoOptions::default() };
     let (store, depths) = (FrameStore::new(1 << 20), MemoryDepths::default());
     estimate_depths(&request, &store, &depths, &options, &Progress::default()).unwrap();
-    depths.load(0, Stage::Filtered).unwrap().unwrap().as_ref().clone()
+    depths.load(0, Stage::Complete).unwrap().unwrap().as_ref().clone()
 }
 
 /// Of some of the pixels away from the borders, those with depth, those whose depth is right to a third of a pixel, and all.
@@ -63,7 +63,7 @@ fn a_wall_without_texture_between_textured_borders_is_found() {
     let (_, without, _) = counted(&depth(|x| !is_inside(x), 0.0), inside);
     let (known, right, all) = counted(&depth(|x| !is_inside(x), PatchMatchOptions::default().prior_weight), inside);
     assert!(right * 100 >= all * 93 && known * 100 <= right * 105, "{right} right of {known} of {all}");
-    assert!(without * 2 <= all, "{without} of {all} by their texture alone");
+    assert!(without * 5 <= all * 3, "{without} of {all} by their texture and what other views found alone");
 }
 
 /// Where a surface ends before a background without texture, it is not continued.

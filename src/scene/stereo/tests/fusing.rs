@@ -27,7 +27,7 @@ fn fused(change: impl Fn(usize, &mut DepthEstimate)) -> DenseCloud {
     for index in 0..2 {
         let mut estimate = exact(index);
         change(index, &mut estimate);
-        depths.save(index, Stage::Filtered, estimate).unwrap();
+        depths.save(index, Stage::Complete, estimate).unwrap();
     }
     let neighbours = BTreeMap::from([(0, vec![1]), (1, vec![0])]);
     let store = FrameStore::new(1 << 20);

@@ -37,7 +37,7 @@ fn depths(frames: &[Frame], store: &FrameStore) -> MemoryDepths {
 
 /// Share of the first view's pixels, away from the borders, whose depth is right to half a hundredth.
 fn share_right(depths: &MemoryDepths) -> f64 {
-    let estimate = depths.load(0, Stage::Filtered).unwrap().unwrap();
+    let estimate = depths.load(0, Stage::Complete).unwrap().unwrap();
     let (width, height) = (estimate.width(), estimate.height());
     let (mut right, mut all) = (0, 0);
     for (x, y) in (BORDER..height - BORDER).flat_map(|y| (BORDER..width - BORDER).map(move |x| (x, y))) {
@@ -54,7 +54,7 @@ fn depth_is_right_through_a_lens_with_distortion() {
         let (folder, store) = (tempfile::tempdir().unwrap(), FrameStore::new(1 << 20));
         let frames = frames(folder.path(), &lens(k), lens(k));
         let depths = depths(&frames, &store);
-        let estimate = depths.load(0, Stage::Filtered).unwrap().unwrap();
+        let estimate = depths.load(0, Stage::Complete).unwrap().unwrap();
         assert_eq!(estimate.camera, raster_camera(&lens(k), SIZE.0));
         assert_eq!(estimate.camera.distortion, Distortion::None);
         let right = share_right(&depths);

@@ -1,5 +1,6 @@
 //! Stereo of a slanted textured wall, whose depth is known exactly.
 
+mod completing;
 mod flat;
 mod fusing;
 mod gaps;

@@ -64,7 +64,7 @@ fn a_run_goes_on_where_the_one_before_was_stopped() {
     let whole = new(0);
     run(&whole).unwrap();
     let all = whole.made.lock().unwrap().clone();
-    assert_eq!(all.len(), 12, "three views, three rounds and the filter");
+    assert_eq!(all.len(), 15, "three views, three rounds, the filter and what others see");
     for stop_after in 1..all.len() {
         let first = new(stop_after);
         assert!(matches!(run(&first), Err(StereoError::Stopped(_) | StereoError::Scene(SceneError::Stopped(_)))));
@@ -72,7 +72,7 @@ fn a_run_goes_on_where_the_one_before_was_stopped() {
         run(&second).unwrap();
         assert_eq!(*second.made.lock().unwrap(), all[stop_after..], "after {stop_after}");
         for frame in 0..3 {
-            let [once, twice] = [&whole, &second].map(|noted| noted.load(frame, Stage::Filtered).unwrap().unwrap());
+            let [once, twice] = [&whole, &second].map(|noted| noted.load(frame, Stage::Complete).unwrap().unwrap());
             assert!(once == twice, "frame {frame} after a stop at {stop_after}");
         }
     }

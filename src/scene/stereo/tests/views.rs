@@ -45,7 +45,7 @@ fn what_cannot_be_compared_is_told_and_the_rest_done() {
     let outcomes = estimate_depths(&request, &store, &depths, &options, &Progress::default()).unwrap();
     for view in 0..3 {
         assert!(matches!(outcomes[&view], ViewOutcome::Done { pixels, .. } if pixels > 5000), "{:?}", outcomes[&view]);
-        assert!(depths.load(view, Stage::Filtered).unwrap().is_some());
+        assert!(depths.load(view, Stage::Complete).unwrap().is_some());
     }
     assert_eq!(outcomes[&3], ViewOutcome::NothingShared { points: 0 });
     assert_eq!(outcomes[&4], ViewOutcome::Constant);
