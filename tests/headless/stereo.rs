@@ -103,10 +103,11 @@ fn depth_maps(root: &str) -> Vec<(String, Vec<u8>)> {
     maps
 }
 
-/// The depth maps of all rounds that lie there, and when they were made.
+/// The depth maps of all rounds and of the filter that lie there, and when they were made.
 fn rounds(root: &str) -> Vec<(PathBuf, SystemTime)> {
     let folder = Path::new(root).join("versions/depths-1/rounds");
-    let rounds = (0..9).filter_map(|round| std::fs::read_dir(folder.join(round.to_string())).ok());
+    let stages = (0..9).map(|round| round.to_string()).chain(["filtered".to_owned()]);
+    let rounds = stages.filter_map(|stage| std::fs::read_dir(folder.join(stage)).ok());
     let files = rounds.flatten().map(|file| file.unwrap());
     files.map(|file| (file.path(), file.metadata().unwrap().modified().unwrap())).collect()
 }
@@ -124,7 +125,7 @@ fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
     let mut session = opened(&parts);
     let mut first: Vec<(PathBuf, SystemTime)> = Vec::new();
     let has_depth = |session: &Session| session.project().unwrap().frames.iter().any(|frame| frame.depth.is_some());
-    for (stage, views) in [("depth", 2), ("consistent depth", 1)] {
+    for (stage, views) in [("depth", 2), ("consistent depth", 1), ("complete", 1)] {
         let events = stopped(&mut session, stage, views);
         assert!(events.iter().any(|event| matches!(event, Event::Stopped { .. })), "{stage}: {events:?}");
         assert!(!has_depth(&session), "depths stand when they are done");

@@ -7,6 +7,7 @@ pub mod filter;
 pub mod fusion;
 mod gpu;
 mod maps;
+mod median;
 pub mod patchmatch;
 mod pipeline;
 mod range;

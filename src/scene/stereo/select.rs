@@ -16,7 +16,7 @@ pub struct SelectOptions {
     pub min_shared: usize,
     /// Source views per view, 1–8.
     pub sources: usize,
-    /// Views per view that may know what it does not, its sources among them.
+    /// Views per view that may know what it does not, its sources among them; no fewer than these.
     pub around: usize,
 }
 
@@ -42,8 +42,8 @@ const CELLS: usize = 8;
 /// Spread of the weight below and above the best angle, degrees.
 const SPREAD_DEG: [f64; 2] = [5.0, 15.0];
 
-/// For each view those around it that it can be compared with, the best first: those that share many points seen under a good angle,
-/// at a like scale, over much of the picture (weights as in Y. Yao et al., *MVSNet*, ECCV 2018; overlap and scale as in
+/// For each view those around it that it can be compared with, the best first: those that share many points seen under a
+/// good angle, at a like scale, over much of the picture (weights as in Y. Yao et al., *MVSNet*, ECCV 2018; overlap and scale as in
 /// M. Goesele et al., *Multi-View Stereo for Community Photo Collections*, ICCV 2007). Empty for a view that shares too
 /// little with any other.
 #[must_use]
@@ -85,7 +85,7 @@ fn ranked(tallies: &Tallies, views: &[usize], options: &SelectOptions) -> Vec<So
         .map(|(&at, tally)| SourceView { frame: views[at], shared: tally.shared, score: tally.score() })
         .collect();
     sources.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.frame.cmp(&b.frame)));
-    sources.truncate(options.around.max(options.sources));
+    sources.truncate(options.around.max(options.sources).max(1));
     sources
 }
 

@@ -110,8 +110,8 @@ impl DepthStore for DepthFolder {
         let MadeDepth { camera, depth, normals, confidence } = match MadeDepth::read(&self.path(frame, stage)) {
             Ok(made) => made,
             Err(FrameError::Missing { .. }) => return Ok(None),
-            // What is in the making is made again.
-            Err(FrameError::Invalid { .. }) if stage != Stage::Complete => return Ok(None),
+            // What a round made is made again.
+            Err(FrameError::Invalid { .. }) if matches!(stage, Stage::Round(_)) => return Ok(None),
             Err(error) => return Err(error.into()),
         };
         let depths = depth.depths.iter().map(|depth| self.scale * depth).collect();

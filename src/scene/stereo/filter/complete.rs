@@ -3,7 +3,11 @@ use rayon::prelude::*;
 use super::consistency::{Match, Neighbour, Surface};
 use super::options::FilterOptions;
 use crate::scene::stereo::DepthEstimate;
-use crate::scene::stereo::patchmatch::Texture;
+use crate::scene::stereo::median::median;
+use crate::scene::stereo::patchmatch::{Picture, Raster, Texture};
+
+/// Neighbours at least that must see what a view takes over.
+const WITNESSES: usize = 2;
 
 /// Takes over into a view's filtered depth what several neighbours see before it, or where it knows nothing, and the
 /// view's own picture shows in the same colours: thin parts before a strong pattern win in some views and lose in others
@@ -12,14 +16,14 @@ use crate::scene::stereo::patchmatch::Texture;
 #[must_use]
 pub fn completed(
     own: &DepthEstimate,
-    picture: &Texture,
+    picture: &Picture,
     allowed: Option<&[bool]>,
     neighbours: &[Neighbour],
     options: &FilterOptions,
 ) -> DepthEstimate {
     let size = (own.width(), own.height());
-    let view = View { own, picture, neighbours, options };
-    let seen: Vec<Vec<Option<u32>>> = neighbours.par_iter().map(|neighbour| neighbour.projected(size)).collect();
+    let view = View { own, picture: &picture.levels[0], raster: picture.raster(0), neighbours, options };
+    let seen: Vec<Vec<u32>> = neighbours.par_iter().map(|neighbour| neighbour.projected(size)).collect();
     let is_allowed = |at: usize| allowed.is_none_or(|allowed| allowed[at]);
     let taken = |at: usize| if is_allowed(at) { view.taken(at, &seen) } else { None };
     let taken: Vec<Option<Surface>> = (0..own.depths.len()).into_par_iter().map(taken).collect();
@@ -37,19 +41,21 @@ pub fn completed(
 struct View<'a> {
     own: &'a DepthEstimate,
     picture: &'a Texture,
+    raster: Raster,
     neighbours: &'a [Neighbour],
     options: &'a FilterOptions,
 }
 
 impl View<'_> {
     /// The surface that a pixel takes over: the nearest that enough neighbours agree on and its colour fits.
-    fn taken(&self, at: usize, seen: &[Vec<Option<u32>>]) -> Option<Surface> {
+    fn taken(&self, at: usize, seen: &[Vec<u32>]) -> Option<Surface> {
         let depth = self.own.depths[at];
         let least = if depth > 0.0 { 1.0 / (depth * (1.0 - self.options.complete.before)) } else { 0.0 };
-        let surfaces = self.neighbours.iter().zip(seen).filter_map(|(neighbour, seen)| {
-            neighbour.surface(seen[at]? as usize).filter(|surface| surface.inverse_depth > least)
-        });
-        let mut surfaces: Vec<Surface> = surfaces.collect();
+        let (x, y) = self.place(at);
+        let ray = self.raster.ray(x, y);
+        let counts = |surface: &Surface| surface.inverse_depth > least && surface.normal.dot(ray) < 0.0;
+        let surfaces = self.neighbours.iter().zip(seen).filter_map(|(neighbour, seen)| neighbour.surface(seen[at]));
+        let mut surfaces: Vec<Surface> = surfaces.filter(counts).collect();
         if surfaces.is_empty() {
             return None;
         }
@@ -61,19 +67,16 @@ impl View<'_> {
     /// A surface at a pixel, on the pixel's own ray, where enough neighbours agree with it and the colours differ by less.
     fn confirmed(&self, at: usize, surface: Surface, most: f32) -> Option<Surface> {
         let matches = self.matches(at, surface);
-        let needed = self.options.min_agreeing.clamp(1, self.neighbours.len().max(1));
-        if matches.len() < needed || self.difference(at, &matches) >= most {
+        if matches.len() < self.options.min_agreeing.max(WITNESSES) || self.difference(at, &matches) >= most {
             return None;
         }
-        let mut inverse_depths: Vec<f32> = matches.iter().map(|(_, found)| found.inverse_depth).collect();
-        inverse_depths.sort_unstable_by(f32::total_cmp);
-        Some(Surface { inverse_depth: inverse_depths[inverse_depths.len() / 2], ..surface })
+        let inverse_depth = median(matches.iter().map(|(_, found)| found.inverse_depth).collect());
+        Some(Surface { inverse_depth, ..surface })
     }
 
     /// What the neighbours show of a surface at a pixel.
     fn matches(&self, at: usize, surface: Surface) -> Vec<(&Neighbour, Match)> {
-        let width = self.own.width();
-        let place = ((at % width) as f32, (at / width) as f32);
+        let place = self.place(at);
         let matched = |neighbour| {
             let found =
                 Neighbour::matched(neighbour, place, surface.inverse_depth, surface.normal, &self.options.agreement)?;
@@ -85,9 +88,11 @@ impl View<'_> {
     /// The middle difference of colour between a pixel and what neighbours show, squared grey levels.
     fn difference(&self, at: usize, matches: &[(&Neighbour, Match)]) -> f32 {
         let of = |(neighbour, found): &(&Neighbour, Match)| neighbour.color_difference(found.pixel, self.picture, at);
-        let mut differences: Vec<f32> = matches.iter().map(of).collect();
-        differences.sort_unstable_by(f32::total_cmp);
-        differences[differences.len() / 2]
+        median(matches.iter().map(of).collect())
+    }
+
+    fn place(&self, at: usize) -> (f32, f32) {
+        ((at % self.own.width()) as f32, (at / self.own.width()) as f32)
     }
 
     /// The difference of colour that a surface before a pixel's own must stay below, squared grey levels.

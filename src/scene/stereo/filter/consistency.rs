@@ -6,6 +6,9 @@ use super::options::Agreement;
 use crate::scene::stereo::DepthEstimate;
 use crate::scene::stereo::patchmatch::{Picture, Plane, Raster, Texture, Transfer};
 
+/// No pixel of a neighbour.
+pub const UNSEEN: u32 = u32::MAX;
+
 /// Another view's depths beside a view.
 #[derive(Debug, Clone)]
 pub struct Neighbour {
@@ -66,11 +69,11 @@ impl Neighbour {
         around.into_iter().find_map(|pixel| self.agreeing(&point, pixel, agreement))
     }
 
-    /// For each pixel of a view of `width · height` pixels what the neighbour sees nearest there: its own pixel, `None` where
-    /// it sees nothing.
+    /// For each pixel of a view of `width · height` pixels what the neighbour sees nearest there: its own pixel,
+    /// [`UNSEEN`] where it sees nothing.
     #[must_use]
-    pub fn projected(&self, (width, height): (usize, usize)) -> Vec<Option<u32>> {
-        let mut seen = vec![None; width * height];
+    pub fn projected(&self, (width, height): (usize, usize)) -> Vec<u32> {
+        let mut seen = vec![UNSEEN; width * height];
         let mut nearest = vec![0.0; seen.len()];
         for (pixel, &depth) in self.estimate.depths.iter().enumerate().filter(|&(_, &depth)| depth > 0.0) {
             let (x, y, inverse_depth) = self.place(pixel, depth);
@@ -81,22 +84,26 @@ impl Neighbour {
             }
             let at = row as usize * width + column as usize;
             if inverse_depth > nearest[at] {
-                (nearest[at], seen[at]) = (inverse_depth, Some(pixel as u32));
+                (nearest[at], seen[at]) = (inverse_depth, pixel as u32);
             }
         }
         seen
     }
 
-    /// The surface of one of its pixels as the view sees it; `None` where depth is unknown.
+    /// The surface of one of its pixels as the view sees it; `None` where depth is unknown, and for [`UNSEEN`].
     #[must_use]
-    pub fn surface(&self, pixel: usize) -> Option<Surface> {
-        let depth = Some(self.estimate.depths[pixel]).filter(|&depth| depth > 0.0)?;
+    pub fn surface(&self, pixel: u32) -> Option<Surface> {
+        let pixel = pixel as usize;
+        let depth = self.estimate.depths.get(pixel).copied().filter(|&depth| depth > 0.0)?;
         let (_, _, inverse_depth) = self.place(pixel, depth);
         let normal = self.here_from_there * self.estimate.normal(pixel);
         Some(Surface { inverse_depth, normal, confidence: self.estimate.confidence[pixel] })
     }
 
     /// How far a pixel's colour is from that of a pixel of `texture`, squared grey levels.
+    ///
+    /// # Panics
+    /// When the neighbour's picture came without its pixels.
     #[must_use]
     pub fn color_difference(&self, pixel: usize, texture: &Texture, at: usize) -> f32 {
         texture.color_difference(at, &self.texture, pixel)

@@ -10,7 +10,7 @@ mod snap;
 mod speckles;
 
 pub use complete::completed;
-pub use consistency::{Match, Neighbour, Surface};
+pub use consistency::{Match, Neighbour, Surface, UNSEEN};
 pub use options::{Agreement, CompleteOptions, FilterOptions, SnapOptions};
 pub use run::filter;
 pub use snap::snapped;

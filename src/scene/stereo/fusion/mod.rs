@@ -1,4 +1,4 @@
-//! Filtered depths → points with the pixels that made them, which vote on labels (`fuse::vote_onto`).
+//! Complete depths → points with the pixels that made them, which vote on labels (`fuse::vote_onto`).
 
 mod cloud;
 mod options;

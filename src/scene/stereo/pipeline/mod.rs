@@ -1,4 +1,4 @@
-//! Views through stereo: what is compared with what, rounds over all views, filtering; bounded memory, stop and resume
+//! Views through stereo: what is compared with what, rounds over all views, filtering and completion; bounded memory, stop and resume
 //! per view.
 
 mod outcome;

@@ -64,7 +64,8 @@ pub struct StereoRequest<'a> {
     pub engine: &'a Engine,
 }
 
-/// Depth of every view that can have one: PatchMatch by the pictures alone, rounds with geometric consistency, filtering.
+/// Depth of every view that can have one: PatchMatch by the pictures alone, rounds with geometric consistency, filtering,
+/// completion.
 /// Each view's result goes to `depths` as soon as it is there; what is there already is not made again. Gives what became
 /// of each view.
 ///
@@ -162,7 +163,7 @@ impl Work<'_> {
         Ok(self.kept(number, Stage::Round(round))?.map(|estimate| estimate.found(picture)))
     }
 
-    /// A view's depth at a stage, or else at the furthest that there is.
+    /// A view's depth at a stage, or else at the next one that there is.
     fn kept(&self, number: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, StereoError> {
         for stage in [stage, Stage::Filtered, Stage::Complete] {
             if let Some(estimate) = self.depths.load(number, stage)? {
@@ -182,16 +183,15 @@ impl Work<'_> {
         Ok(self.depths.save(view.frame, Stage::Filtered, filter(&own, &neighbours, &self.options.filter))?)
     }
 
-    /// Takes over into a view's depth what its sources see, if that is not done yet; gives the number of its pixels.
+    /// Takes over into a view's depth what those around it see, if that is not done yet; gives the number of its pixels.
     fn complete(&self, view: &PlannedView, pictures: &mut Pictures<'_>) -> Result<usize, StereoError> {
         if !self.depths.has(view.frame, Stage::Complete)
             && let Some(own) = self.depths.load(view.frame, Stage::Filtered)?
         {
             let (reference, neighbours) = self.neighbours((view.frame, &view.around), Stage::Filtered, pictures)?;
             let allowed = (self.request.mask)(view.frame, &reference.camera);
-            let (picture, filter) = (&reference.levels[0], &self.options.filter);
-            let completed = completed(&own, picture, allowed.as_deref(), &neighbours, filter);
-            self.depths.save(view.frame, Stage::Complete, completed)?;
+            let estimate = completed(&own, &reference, allowed.as_deref(), &neighbours, &self.options.filter);
+            self.depths.save(view.frame, Stage::Complete, estimate)?;
         }
         let kept = self.depths.load(view.frame, Stage::Complete)?;
         Ok(kept.map_or(0, |kept| kept.depths.iter().filter(|&&depth| depth > 0.0).count()))

@@ -52,7 +52,7 @@ fn complete(own: &DepthEstimate, shows: bool, allowed: Option<&[bool]>, know: [b
         .zip(know)
         .map(|(other, knows)| Neighbour::new(&view, &picture(other, true), Arc::new(estimate(other, knows))))
         .collect();
-    completed(own, &view.levels[0], allowed, &neighbours, &FilterOptions::default())
+    completed(own, &view, allowed, &neighbours, &FilterOptions::default())
 }
 
 /// Share of the first view's pixels of the rod whose depth is the rod's.
@@ -80,6 +80,12 @@ fn what_is_seen_by_one_or_not_shown_or_not_allowed_is_left() {
     let own = estimate(0, false);
     assert!(complete(&own, true, None, [true, false]) == own, "a single view may be wrong");
     assert!(complete(&own, false, None, [true; 2]) == own, "the picture does not show it");
-    let none = vec![false; own.depths.len()];
-    assert!(complete(&own, true, Some(&none), [true; 2]) == own, "it is not asked for");
+    let upper: Vec<bool> = (0..own.depths.len()).map(|at| at < own.depths.len() / 2).collect();
+    let (found, all) = (complete(&own, true, Some(&upper), [true; 2]), complete(&own, true, None, [true; 2]));
+    for (at, is_asked) in upper.into_iter().enumerate() {
+        assert_eq!(found.depths[at], if is_asked { all.depths[at] } else { own.depths[at] }, "what is asked for alone");
+    }
+    let mut nearer = own.clone();
+    nearer.depths.fill(1.0);
+    assert!(complete(&nearer, true, None, [true; 2]) == nearer, "what lies behind stays behind");
 }
