@@ -7,7 +7,6 @@ pub mod filter;
 pub mod fusion;
 mod gpu;
 mod maps;
-mod median;
 pub mod patchmatch;
 mod pipeline;
 mod range;

@@ -3,8 +3,7 @@ use rayon::prelude::*;
 use super::consistency::{Match, Neighbour, Surface};
 use super::options::FilterOptions;
 use crate::scene::stereo::DepthEstimate;
-use crate::scene::stereo::median::median;
-use crate::scene::stereo::patchmatch::{Picture, Raster, Texture};
+use crate::scene::stereo::patchmatch::{Picture, Texture};
 
 /// Neighbours at least that must see what a view takes over.
 const WITNESSES: usize = 2;
@@ -22,7 +21,7 @@ pub fn completed(
     options: &FilterOptions,
 ) -> DepthEstimate {
     let size = (own.width(), own.height());
-    let view = View { own, picture: &picture.levels[0], raster: picture.raster(0), neighbours, options };
+    let view = View { own, picture: &picture.levels[0], neighbours, options };
     let seen: Vec<Vec<u32>> = neighbours.par_iter().map(|neighbour| neighbour.projected(size)).collect();
     let is_allowed = |at: usize| allowed.is_none_or(|allowed| allowed[at]);
     let taken = |at: usize| if is_allowed(at) { view.taken(at, &seen) } else { None };
@@ -41,7 +40,6 @@ pub fn completed(
 struct View<'a> {
     own: &'a DepthEstimate,
     picture: &'a Texture,
-    raster: Raster,
     neighbours: &'a [Neighbour],
     options: &'a FilterOptions,
 }
@@ -51,9 +49,7 @@ impl View<'_> {
     fn taken(&self, at: usize, seen: &[Vec<u32>]) -> Option<Surface> {
         let depth = self.own.depths[at];
         let least = if depth > 0.0 { 1.0 / (depth * (1.0 - self.options.complete.before)) } else { 0.0 };
-        let (x, y) = self.place(at);
-        let ray = self.raster.ray(x, y);
-        let counts = |surface: &Surface| surface.inverse_depth > least && surface.normal.dot(ray) < 0.0;
+        let counts = |surface: &Surface| surface.inverse_depth > least;
         let surfaces = self.neighbours.iter().zip(seen).filter_map(|(neighbour, seen)| neighbour.surface(seen[at]));
         let mut surfaces: Vec<Surface> = surfaces.filter(counts).collect();
         if surfaces.is_empty() {
@@ -70,7 +66,7 @@ impl View<'_> {
         if matches.len() < self.options.min_agreeing.max(WITNESSES) || self.difference(at, &matches) >= most {
             return None;
         }
-        let inverse_depth = median(matches.iter().map(|(_, found)| found.inverse_depth).collect());
+        let inverse_depth = upper_median(matches.iter().map(|(_, found)| found.inverse_depth).collect());
         Some(Surface { inverse_depth, ..surface })
     }
 
@@ -88,7 +84,7 @@ impl View<'_> {
     /// The middle difference of colour between a pixel and what neighbours show, squared grey levels.
     fn difference(&self, at: usize, matches: &[(&Neighbour, Match)]) -> f32 {
         let of = |(neighbour, found): &(&Neighbour, Match)| neighbour.color_difference(found.pixel, self.picture, at);
-        median(matches.iter().map(of).collect())
+        upper_median(matches.iter().map(of).collect())
     }
 
     fn place(&self, at: usize) -> (f32, f32) {
@@ -109,4 +105,10 @@ impl View<'_> {
             matches => most.min(options.color_ratio * options.color_ratio * self.difference(at, &matches)),
         }
     }
+}
+
+/// The middle one of some values, the larger of the two in the middle: the nearer of two depths, the worse of two differences.
+fn upper_median(mut values: Vec<f32>) -> f32 {
+    values.sort_unstable_by(f32::total_cmp);
+    values[values.len() / 2]
 }

@@ -9,7 +9,6 @@ use super::options::FusionOptions;
 use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore, Image};
 use crate::scene::stereo::filter::{Agreement, Match, Neighbour};
-use crate::scene::stereo::median::median;
 use crate::scene::stereo::patchmatch::{Picture, Raster, Tones};
 use crate::scene::stereo::raster::{raster_camera, raster_image};
 use crate::scene::stereo::{DepthEstimate, DepthStore, Stage, StereoError};
@@ -90,6 +89,13 @@ fn connected(neighbours: &BTreeMap<usize, Vec<usize>>, number: usize) -> Vec<usi
     all.sort_unstable();
     all.dedup();
     all
+}
+
+/// The middle one of some values, or the mean of the two in the middle.
+fn median(mut values: Vec<f32>) -> f32 {
+    values.sort_unstable_by(f32::total_cmp);
+    let last = values.len() - 1;
+    0.5 * (values[last / 2] + values[last.div_ceil(2)])
 }
 
 struct View<'a> {
