@@ -7,7 +7,7 @@ use super::print::say;
 use crate::geometry::Alignment;
 use crate::session::evaluate::{
     CameraScore, CloudEvaluation, InteractOptions, InteractReport, InteractRequest, MaskScore, ScoreOptions,
-    cloud_table, evaluate_cloud, evaluate_interaction, evaluate_masks, score_cameras,
+    TruthViews, cloud_table, evaluate_cloud, evaluate_interaction, evaluate_masks, score_cameras,
 };
 
 pub(super) fn eval(verb: EvalVerb) -> Result<()> {
@@ -37,8 +37,9 @@ fn masks(args: &EvalArgs) -> Result<()> {
 
 fn cloud(args: EvalArgs) -> Result<()> {
     refuse(&args, &[("align", args.align != Align::None), ("turns", args.turns), ("skip-first", args.skip_first)])?;
-    let evaluation =
-        CloudEvaluation { within: args.within, level: args.level, cameras: args.cameras.zip(args.min_views) };
+    let cameras = args.cameras.zip(args.min_views);
+    let views = cameras.map(|(cameras, min_views)| TruthViews { cameras, min_views, frames: args.frames });
+    let evaluation = CloudEvaluation { within: args.within, level: args.level, views };
     let (score, warnings) = evaluate_cloud(&args.truth, &args.result, &evaluation)?;
     warn(&warnings);
     print(args.json, &score, &cloud_table(&score))

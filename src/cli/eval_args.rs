@@ -49,6 +49,9 @@ pub(super) struct EvalArgs {
     /// Completeness only over truth points inside this many frusta.
     #[arg(long, value_name = "N", requires = "cameras")]
     pub min_views: Option<usize>,
+    /// Pictures of these cameras: what they have in common tells which truth points each sees, for the share in depth.
+    #[arg(long, value_name = "PATH", requires = "cameras")]
+    pub frames: Option<PathBuf>,
     /// Leave the first frame out.
     #[arg(long)]
     pub skip_first: bool,

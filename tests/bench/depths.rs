@@ -70,7 +70,7 @@ fn score(root: &str, dir: &Path, reference: &Path, within: &str) {
     let (cloud, cameras, reference) = (cloud.to_str().unwrap(), cameras.to_str().unwrap(), reference.to_str().unwrap());
     done(&["fuse", root]);
     done(&["export", root, "--cloud", cloud, "--cameras", cameras]);
-    let seen = ["--cameras", cameras, "--min-views", "3", "--within", within, "--json"];
+    let seen = ["--cameras", cameras, "--min-views", "3", "--frames", root, "--within", within, "--json"];
     let said = done(&[&["eval", "cloud", "--truth", reference, "--result", cloud][..], &seen].concat());
     let score: Value = serde_json::from_str(said.lines().last().unwrap()).unwrap();
     println!("  {} points", score["result_points"]);

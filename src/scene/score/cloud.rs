@@ -9,6 +9,7 @@ use super::pairing::pair_labels;
 use super::surface::{SurfaceScore, score_surface};
 use crate::engine::job::Progress;
 use crate::frames::FrameCamera;
+use crate::frames::cameras::SparsePoints;
 use crate::geometry::Similarity;
 use crate::masks::LabelId;
 use crate::scene::points::Neighbours;
@@ -26,6 +27,9 @@ pub struct CloudScoreOptions {
     pub cameras: Vec<FrameCamera>,
     /// As above; 0 = every truth point counts.
     pub min_views: usize,
+    /// Features that the cameras' pictures have in common, in the truth's space, by the camera's place in `cameras`: they
+    /// tell which truth points a camera sees, for the comparison in depth; `None` = those that nothing hides.
+    pub features: Option<SparsePoints>,
     /// Brings the result into the truth's space first.
     pub truth_from_result: Option<Similarity>,
 }
@@ -41,6 +45,8 @@ pub struct CloudScore {
     pub labels: LabelScore,
     /// Median distance from a truth point to the nearest result point, in cloud units.
     pub median_distance: f64,
+    /// Pairs of a result point and a truth point compared in depth.
+    pub compared_in_depth: usize,
     /// The surface at each distance.
     pub surface: Vec<SurfaceScore>,
 }
@@ -68,7 +74,8 @@ pub fn score_cloud(
         Neighbours::new(&result.positions).zip(Neighbours::new(&truth.all)).ok_or_else(empty)?;
     let to_result = distances(&truth.cloud.positions, &in_result, progress)?;
     let to_truth = distances(&result.positions, &in_truth, progress)?;
-    let in_depth = depth_differences(&truth.all, &result.positions, &options.cameras, progress)?;
+    let features = options.features.as_ref();
+    let in_depth = depth_differences(&truth.all, &result.positions, &options.cameras, features, progress)?;
     let first = options.within.first().copied().unwrap_or(f64::INFINITY);
     let paired = pair_labels(&truth.cloud.tree, &result.tree);
     let taken = to_result.iter().map(|&(index, distance)| match f64::from(distance) <= first {
@@ -83,6 +90,7 @@ pub fn score_cloud(
         result_points: result.len(),
         labels: score_labels(&truth.cloud, taken, &result.tree, &paired),
         median_distance: median(to_result.iter().map(|&(_, distance)| distance)),
+        compared_in_depth: in_depth.len(),
         surface: options.within.iter().map(|&at| score_surface(at, &to_result, &to_truth, &in_depth)).collect(),
     })
 }

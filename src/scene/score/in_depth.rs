@@ -1,115 +1,62 @@
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
+use super::picture::{Dot, Picture};
+use super::sightings::seen_truth;
 use crate::engine::job::{Progress, Stopped};
 use crate::frames::FrameCamera;
-use crate::geometry::{Camera, Pose};
+use crate::frames::cameras::SparsePoints;
 
-/// The longer side in pixels at which pictures are compared, if they are not smaller.
-const SIDE_PX: u32 = 640;
-/// Points this near to a truth point in a picture, in pixels, are compared with it.
+/// Points this near to a truth point in a camera's own picture, in its pixels, are compared with it: farther aside, a slanted
+/// surface alone makes a difference.
 const NEAR_PX: f64 = 1.0;
-/// A point is hidden by another at most so many pixels aside that is nearer by more than a share of the depth.
+/// So many pixels of the reduced picture aside a point may be hidden by another.
 const TRUTH_HIDES_PX: usize = 4;
 const RESULT_HIDES_PX: usize = 1;
-const BEHIND: f32 = 0.02;
 
-/// A picture's points: pixel positions and depths, by pixel.
-struct Picture {
-    width: usize,
-    height: usize,
-    /// First point of each pixel, then the number of all.
-    starts: Vec<u32>,
-    points: Vec<(DVec2, f32)>,
-}
-
-/// For each result point that a camera sees within a pixel of a truth point that it sees, how far they are apart in
-/// depth (in cloud units). Hidden points do not count. Truth points are often too few to hide each other, so what the
-/// result shows in front hides them too: a point that floats before a surface is not found out by that surface.
+/// For each result point that a camera sees within a pixel of its picture of a truth point that it sees, how far they are
+/// apart in depth (in cloud units). Result points that others hide do not count.
+///
+/// A camera sees the truth points that its picture's `features` show. Without these it is guessed that it sees what
+/// nothing hides. Truth points are often too few to hide each other, so what the result shows in front hides them too: a
+/// point that floats before a surface is not found out by that surface.
 pub(super) fn depth_differences(
     truth: &[Vec3],
     result: &[Vec3],
     cameras: &[FrameCamera],
+    features: Option<&SparsePoints>,
     progress: &Progress,
 ) -> Result<Vec<f32>, Stopped> {
-    let of_camera = |camera: &FrameCamera| {
+    let sightings = features.map(|features| seen_truth(truth, cameras, features, progress)).transpose()?;
+    let of_camera = |(number, camera): (usize, &FrameCamera)| {
         progress.check()?;
-        let Some(pose) = &camera.camera_from_world else { return Ok(Vec::new()) };
-        let small = shrunk(&camera.intrinsics);
-        let seen_result = Picture::new(result, &small, pose).front(RESULT_HIDES_PX);
-        let seen_truth = Picture::new(truth, &small, pose).front(TRUTH_HIDES_PX).before(&seen_result, RESULT_HIDES_PX);
-        Ok(seen_result.points.iter().filter_map(|&(at_px, depth)| seen_truth.difference(at_px, depth)).collect())
+        let seen_result = Picture::new(result, camera).front(RESULT_HIDES_PX);
+        let truth = Picture::new(truth, camera);
+        let seen_truth = match &sightings {
+            Some(seen) => truth.only(|dot| seen[number].binary_search(&dot.index).is_ok()),
+            None => truth.front(TRUTH_HIDES_PX).before(&seen_result, RESULT_HIDES_PX),
+        };
+        Ok(seen_result.dots.iter().filter_map(|dot| difference(dot, &seen_truth)).collect())
     };
-    let all: Vec<Vec<f32>> = cameras.par_iter().map(of_camera).collect::<Result<_, Stopped>>()?;
+    let all: Vec<Vec<f32>> = cameras.par_iter().enumerate().map(of_camera).collect::<Result<_, Stopped>>()?;
     Ok(all.concat())
 }
 
-fn shrunk(camera: &Camera) -> Camera {
-    let ratio = (f64::from(SIDE_PX) / f64::from(camera.width.max(camera.height))).min(1.0);
-    let side = |length: u32| ((f64::from(length) * ratio).ceil() as u32).max(1);
-    Camera {
-        width: side(camera.width),
-        height: side(camera.height),
-        focal_px: camera.focal_px * ratio,
-        principal_px: camera.principal_px * ratio,
-        ..*camera
-    }
-}
-
-impl Picture {
-    fn new(points: &[Vec3], camera: &Camera, pose: &Pose) -> Self {
-        let see = |point: &Vec3| {
-            let x_in_camera = pose.transform(point.as_dvec3());
-            let at_px = camera.project(x_in_camera).filter(|&at_px| camera.contains(at_px))?;
-            Some((at_px, x_in_camera.z as f32))
-        };
-        let seen: Vec<(DVec2, f32)> = points.iter().filter_map(see).collect();
-        Self::of(camera.width as usize, camera.height as usize, seen)
-    }
-
-    fn of(width: usize, height: usize, mut points: Vec<(DVec2, f32)>) -> Self {
-        let pixel = |&(at_px, _): &(DVec2, f32)| at_px.y as usize * width + at_px.x as usize;
-        points.sort_by_key(pixel);
-        let starts = (0..=width * height).map(|at| points.partition_point(|point| pixel(point) < at) as u32).collect();
-        Self { width, height, starts, points }
-    }
-
-    /// The points in the pixels at most `reach` aside.
-    fn around(&self, at_px: DVec2, reach: usize) -> impl Iterator<Item = &(DVec2, f32)> {
-        let (x, y) = (at_px.x as usize, at_px.y as usize);
-        let columns = x.saturating_sub(reach)..(x + reach + 1).min(self.width);
-        (y.saturating_sub(reach)..(y + reach + 1).min(self.height)).flat_map(move |row| {
-            let first = self.starts[row * self.width + columns.start] as usize;
-            let last = self.starts[row * self.width + columns.end] as usize;
-            &self.points[first..last]
-        })
-    }
-
-    /// Without the points that others of it hide.
-    fn front(&self, reach: usize) -> Self {
-        self.before(self, reach)
-    }
-
-    /// Without the points that those of another hide.
-    fn before(&self, other: &Self, reach: usize) -> Self {
-        let hidden = |&&(at_px, depth): &&(DVec2, f32)| {
-            other.around(at_px, reach).any(|&(_, nearer)| depth > nearer * (1.0 + BEHIND))
-        };
-        let seen = self.points.iter().filter(|point| !hidden(point)).copied().collect();
-        Self::of(self.width, self.height, seen)
-    }
-
-    /// How far a depth is from that of the nearest point within a pixel.
-    fn difference(&self, at_px: DVec2, depth: f32) -> Option<f32> {
-        let near = self.around(at_px, 1).map(|&(other, there)| (other.distance(at_px), (depth - there).abs()));
-        let nearest = near.filter(|&(aside, _)| aside <= NEAR_PX).min_by(|a, b| a.0.total_cmp(&b.0));
-        nearest.map(|(_, difference)| difference)
-    }
+/// How far a point's depth is from that of the nearest truth point within a pixel.
+fn difference(dot: &Dot, truth: &Picture) -> Option<f32> {
+    let aside = |other: &Dot| DVec2::distance(other.at_px, dot.at_px);
+    let near = truth.around(dot.at_px, 1).filter(|other| aside(other) <= NEAR_PX * truth.own_px);
+    let nearest = near.min_by(|a, b| aside(a).total_cmp(&aside(b)))?;
+    Some((dot.depth - nearest.depth).abs())
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::{DQuat, DVec3};
+
     use super::*;
+    use crate::frames::cameras::{SparseKeypoint, SparsePoint};
+    use crate::geometry::{Camera, Pose};
 
     #[test]
     fn hidden_points_do_not_count() {
@@ -120,7 +67,7 @@ mod tests {
         let truth: Vec<Vec3> = row(2.0).chain(row(3.0)).collect();
         let mut result: Vec<Vec3> = row(2.01).chain(row(3.5)).collect();
         let differences = |result: &[Vec3]| {
-            let mut all = depth_differences(&truth, result, &[camera], &Progress::default()).unwrap();
+            let mut all = depth_differences(&truth, result, &[camera], None, &Progress::default()).unwrap();
             all.sort_by(f32::total_cmp);
             all
         };
@@ -132,5 +79,40 @@ mod tests {
         assert!((seen[seen.len() - 1] - 0.03).abs() < 1e-4, "it stands a little before one of them: {seen:?}");
         result.push(Vec3::new(0.1, 0.0, 1.0));
         assert_eq!(differences(&result).len(), seen.len() - 1, "one of them is hidden");
+    }
+
+    #[test]
+    fn features_tell_what_is_seen() {
+        let camera = |x: f64| {
+            let pose = Pose { rotation: DQuat::IDENTITY, translation: DVec3::new(-x, 0.0, 0.0) };
+            FrameCamera::given(Camera::pinhole(640, 480, 500.0, 500.0, 320.0, 240.0), Some(pose))
+        };
+        let cameras = [0.0, 0.1, 0.2, 0.3].map(camera);
+        // A near point, one behind it in the first picture, and one far aside that no feature shows.
+        let truth = [Vec3::new(0.0, 0.0, 2.0), Vec3::new(0.0, 0.0, 3.0), Vec3::new(0.5, 0.0, 2.0)];
+        let feature = |position: Vec3| SparsePoint { position: position.as_dvec3(), color: [0; 3], error_px: None };
+        let keypoint = |point: u32| SparseKeypoint { at_px: DVec2::ZERO, point: Some(point) };
+        let mut features = SparsePoints::without_keypoints(vec![feature(truth[0]), feature(Vec3::new(0.5, 0.0, 2.2))]);
+        for shown in 0..3 {
+            features.keypoints.insert(shown, vec![keypoint(0), keypoint(1)]);
+        }
+        let differences = |features: &SparsePoints, result: &[Vec3]| {
+            depth_differences(&truth, result, &cameras, Some(features), &Progress::default()).unwrap()
+        };
+        let near = |found: &[f32], expected: &[f32]| {
+            found.len() == expected.len() && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4)
+        };
+        let on_the_near = [Vec3::new(0.0, 0.0, 2.001)];
+        assert!(
+            near(&differences(&features, &on_the_near), &[0.001; 3]),
+            "three pictures show it, the fourth does not"
+        );
+        let floating = [Vec3::new(0.0, 0.0, 1.9)];
+        assert!(
+            near(&differences(&features, &floating), &[0.1]),
+            "only in the first picture it stands before the point"
+        );
+        features.keypoints.remove(&2);
+        assert!(differences(&features, &on_the_near).is_empty(), "two pictures may agree by chance");
     }
 }

@@ -7,6 +7,8 @@ mod frusta;
 mod in_depth;
 mod labels;
 mod pairing;
+mod picture;
+mod sightings;
 mod surface;
 mod table;
 #[cfg(test)]

@@ -11,8 +11,7 @@ pub struct SurfaceScore {
     pub accuracy: f64,
     /// Harmonic mean of both.
     pub f_score: f64,
-    /// Of the result points that a camera sees within a pixel (of a picture 640 wide or high) of a truth point that it
-    /// sees, the share that is within the distance of it in depth; `None` without cameras.
+    /// Of the result points that a camera sees within a pixel of its picture of a truth point that it sees, the share that is within the distance of it in depth; `None` without cameras.
     pub in_depth: Option<f64>,
 }
 

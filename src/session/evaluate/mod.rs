@@ -4,14 +4,17 @@
 
 mod cameras;
 mod cloud;
+mod frames;
 mod interact;
 mod masks;
 
 pub use crate::masks::{MaskScore, ScoreOptions};
 pub use crate::scene::score::{CloudScore, cloud_table};
 pub use cameras::{CameraScore, score_cameras};
-pub use cloud::{CloudEvaluation, evaluate_cloud};
+pub use cloud::{CloudEvaluation, TruthViews, evaluate_cloud};
 pub use interact::{
     FrameByFrame, Goal, InteractOptions, InteractReport, InteractRequest, Sequence, evaluate_interaction, interact,
 };
 pub use masks::evaluate_masks;
+
+use frames::read_frames;

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 
 use crate::engine::job::Progress;
-use crate::frames::{Frame, FrameFolder, FrameStore, OpenRequest, open};
+use crate::frames::{Frame, FrameStore};
 use crate::masks::{LabelId, LabelTree, MaskFormat, MaskFrame, RunMask, import_masks};
 use crate::session::Project;
-use crate::session::store::Folder;
+use crate::session::evaluate::read_frames;
 
 /// Bytes of decoded pictures kept.
 const PIXEL_BYTES: usize = 128 << 20;
@@ -66,14 +66,4 @@ impl Sequence {
     pub fn project(&self) -> Project {
         Project { frames: Arc::clone(&self.frames), labels: self.labels.clone(), ..Project::default() }
     }
-}
-
-fn read_frames(path: &Path, progress: &Progress) -> Result<(Vec<Frame>, Vec<String>)> {
-    if path.join("project.toml").is_file() {
-        let loaded = Folder::open(path, progress)?;
-        return Ok((loaded.project.frames.to_vec(), loaded.warnings));
-    }
-    let sources = vec![FrameFolder::from(path.to_owned())];
-    let opened = open(&OpenRequest { sources, ..OpenRequest::default() }, progress)?;
-    Ok((opened.frames, opened.warnings))
 }
