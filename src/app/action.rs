@@ -60,6 +60,8 @@ pub enum Action {
     AssignChosen,
     /// The chosen points become nothing's.
     ClearChosen,
+    /// Pieces without a label go to what they hang on.
+    AdoptPieces,
     /// The range of frames begins at the shown one.
     RangeFrom,
     /// The range of frames ends at the shown one.
@@ -343,6 +345,7 @@ const LIST: &[Row] = {
         A::ChoosePoints, EDIT, true, "Select points in 3-D", "Drags in the 3-D view choose the points that are seen there, to correct their label in all masks", shift(Key::S);
         A::AssignChosen, EDIT, false, "Assign label to selected points", "The points get the chosen label, in every mask that sees them", shift(Key::Enter);
         A::ClearChosen, EDIT, false, "Clear label of selected points", "The points get no label, in every mask that sees them", shift(Key::Backspace);
+        A::AdoptPieces, EDIT, false, "Adopt hanging pieces", "Pieces of the cloud without a label that hang on one labelled thing get its label, in every mask that sees them", None;
         A::RangeFrom, RANGE, false, "Range begins here", "Changes of the chosen label go over frames from this one on", plain(Key::I);
         A::RangeTo, RANGE, false, "Range ends here", "Changes of the chosen label go over frames up to this one", shift(Key::I);
         A::DropRange, RANGE, false, "Drop range", "Changes go over the shown frame alone again", ctrl(Key::I);

@@ -62,7 +62,7 @@ pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> 
         A::MergeRange => view.label.is_some() && look.project.labels.iter().nth(1).is_some(),
         A::SplitRange => split_at(look, view).is_some() && look.project.labels.iter().nth(1).is_some(),
         A::CopyMask => view.label.is_some_and(|label| view.presence.on_frame(view.frame).contains(&label)),
-        A::ChoosePoints => look.votes.is_some(),
+        A::ChoosePoints | A::AdoptPieces => look.votes.is_some(),
         A::AssignChosen => has_chosen(look, view) && view.label.is_some(),
         A::ClearChosen => has_chosen(look, view),
         A::CompareBefore | A::ToggleTimeline | A::ToggleMatches => look.has_frames(),

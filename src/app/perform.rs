@@ -8,7 +8,7 @@ use super::ranges::{is_range_change, next_doubtful, range_request, set_range, sp
 use super::view_state::{IntoWish, PathWish, SceneWish, typed_path};
 use super::{Action, Dialog, Look, Panes, Severity, ViewState};
 use crate::masks::Direction;
-use crate::session::{CloudChange, Command, FuseRequest, ReconstructRequest, TidyRequest};
+use crate::session::{AdoptRequest, CloudChange, Command, FuseRequest, ReconstructRequest, TidyRequest};
 use crate::view::Layer;
 
 /// Does an action: changes what is looked at, or hands out commands.
@@ -48,6 +48,7 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
             out.extend(change.and_then(|change| view.scene_select.correct(change)));
         }
         Action::ClearChosen => out.extend(view.scene_select.correct(CloudChange::Clear)),
+        Action::AdoptPieces => out.push(Command::Adopt(AdoptRequest::default())),
         Action::RangeFrom | Action::RangeTo | Action::DropRange => set_range(action, view),
         Action::CopyMask => view.copied = view.label.map(|label| (label, view.frame)),
         _ if is_range_change(action) => out.extend(range_request(action, look, view).map(Command::Range)),

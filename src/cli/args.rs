@@ -8,6 +8,7 @@ use super::mask_args::{GroundArgs, MasksArgs, PromptArgs, TidyArgs, TraceArgs};
 use super::values;
 use crate::frames::cameras::IntrinsicsSource;
 use crate::scene::instances::InstanceOptions;
+use crate::session::AdoptRequest;
 use crate::session::Provider;
 
 /// Turns pictures into labelled 3-D: click, track, reconstruct, vote, measure, export.
@@ -88,6 +89,8 @@ pub(super) enum Verb {
     Fuse(FuseArgs),
     /// Say which masks the cloud's vote contradicts, the worst first; accept the vote as a frame's mask.
     Doubt(DoubtArgs),
+    /// Give pieces of the cloud without a label that hang on one labelled thing to it, in the masks, too.
+    Adopt(AdoptArgs),
     /// Tell the instances of a class apart by what hangs together in the cloud.
     Instances(InstancesArgs),
     /// Write results to files.
@@ -328,6 +331,15 @@ pub(super) struct DoubtArgs {
     /// As JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct AdoptArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// Points at most this many spacings of the labelled points apart hang together.
+    #[arg(long, value_name = "R", default_value_t = AdoptRequest::default().radius)]
+    pub radius: f64,
 }
 
 #[derive(Debug, Args)]

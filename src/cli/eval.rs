@@ -27,6 +27,7 @@ fn masks(args: &EvalArgs) -> Result<()> {
             ("align", args.align != Align::None),
             ("turns", args.turns),
             ("cameras", args.cameras.is_some()),
+            ("frames", args.frames.is_some()),
         ],
     )?;
     let options = ScoreOptions { skip_first: args.skip_first, level: args.level };
@@ -37,6 +38,10 @@ fn masks(args: &EvalArgs) -> Result<()> {
 
 fn cloud(args: EvalArgs) -> Result<()> {
     refuse(&args, &[("align", args.align != Align::None), ("turns", args.turns), ("skip-first", args.skip_first)])?;
+    ensure!(
+        args.frames.is_none() || args.cameras.is_some() && !args.within.is_empty(),
+        "--frames tells what is seen, for the share in depth; give --cameras with --min-views, and --within, too"
+    );
     let cameras = args.cameras.zip(args.min_views);
     let views = cameras.map(|(cameras, min_views)| TruthViews { cameras, min_views, frames: args.frames });
     let evaluation = CloudEvaluation { within: args.within, level: args.level, views };
@@ -52,6 +57,7 @@ fn cameras(args: &EvalArgs) -> Result<()> {
             ("within", !args.within.is_empty()),
             ("level", args.level.is_some()),
             ("cameras", args.cameras.is_some()),
+            ("frames", args.frames.is_some()),
             ("skip-first", args.skip_first),
         ],
     )?;

@@ -43,14 +43,15 @@ pub(super) struct EvalArgs {
     /// Align the cameras' orientations with their centres, which alone leave the turn about a straight path open.
     #[arg(long)]
     pub turns: bool,
-    /// Cameras for --min-views.
+    /// Cameras that have seen the truth, for --min-views and the share in depth.
     #[arg(long, value_name = "DIR", requires = "min_views")]
     pub cameras: Option<PathBuf>,
     /// Completeness only over truth points inside this many frusta.
     #[arg(long, value_name = "N", requires = "cameras")]
     pub min_views: Option<usize>,
-    /// Pictures of these cameras: what they have in common tells which truth points each sees, for the share in depth.
-    #[arg(long, value_name = "PATH", requires = "cameras")]
+    /// Folder of frames, film, or project of these cameras: what the pictures have in common tells which truth points
+    /// each sees, for the share in depth.
+    #[arg(long, value_name = "PATH")]
     pub frames: Option<PathBuf>,
     /// Leave the first frame out.
     #[arg(long)]

@@ -1,11 +1,17 @@
 use anyhow::{Context, Result};
 
-use super::args::{FuseArgs, LabelArgs, Method, ReconstructArgs, ScaleArgs, TrackArgs, Way};
+use super::args::{AdoptArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, ScaleArgs, TrackArgs, Way};
 use super::drive::Driver;
 use crate::masks::{Direction, LabelId};
 use crate::session::{
-    Command, FuseRequest, Project, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest, TrackSettings,
+    AdoptRequest, Command, FuseRequest, Project, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest,
+    TrackSettings,
 };
+
+/// Gives pieces without a label to what they hang on; the session tells how many.
+pub(super) fn adopt(args: &AdoptArgs) -> Result<()> {
+    Driver::open(&args.project)?.act_and_save([Command::Adopt(AdoptRequest { radius: args.radius })])
+}
 
 pub(super) fn label(args: LabelArgs) -> Result<()> {
     let command = Command::AddLabel { name: args.name, parent: args.parent, color: args.color };

@@ -53,6 +53,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Verb::Scale(args) => project::scale(args),
         Verb::Fuse(args) => project::fuse(args),
         Verb::Doubt(args) => doubt::doubt(&args),
+        Verb::Adopt(args) => project::adopt(&args),
         Verb::Instances(args) => instances::instances(&args),
         Verb::Export(args) => export::export(args),
         Verb::Shot(args) => shot::shot(&args),

@@ -40,6 +40,7 @@ impl Session {
             Command::MakeAnchor { frame } => self.make_anchor(*frame).map(|()| None),
             Command::AcceptVote { frame, labels } => self.accept_vote(*frame, labels).map(Some),
             Command::Instances(request) => self.instances(request).map(Some),
+            Command::Adopt(request) => self.adopt(*request).map(Some),
             Command::CorrectCloud(correction) => self.correct_cloud(correction).map(Some),
             Command::MergeLabels { label, into } => self.merge_labels(*label, *into),
             Command::ClearMask { frame } => self.clear_mask(*frame).map(|()| None),

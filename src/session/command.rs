@@ -70,6 +70,8 @@ pub enum Command {
     },
     /// Makes a label of each thing of a class, by what hangs together in the cloud.
     Instances(super::InstancesRequest),
+    /// Gives pieces of the cloud without a label that hang on one labelled thing to it, in the masks, too.
+    Adopt(super::AdoptRequest),
     /// Gives the pixels of all masks that see chosen points of the cloud to another label, and the points with them.
     CorrectCloud(super::CloudCorrection),
     /// All pixels, clicks and points of a label become another label's, and the label goes.

@@ -3,6 +3,7 @@
 //! May use: every room above. Must not touch: egui, printing, exit codes.
 
 mod act;
+mod adopt_request;
 mod angles;
 mod apply;
 mod around;
@@ -54,6 +55,7 @@ mod surfaces;
 mod tests;
 
 pub use crate::engine::nn::{Added, CheckedFile, Fetched, Installed, Proof, Provider, Row};
+pub use adopt_request::AdoptRequest;
 pub use angles::Angles;
 pub use command::{Command, NewProject, Recipe, TrackSettings};
 pub use correction::{CloudChange, CloudCorrection};

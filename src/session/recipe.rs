@@ -10,15 +10,15 @@ use super::{Command, Event, Recipe, Session};
 const FILE: &str = "recipe.jsonl";
 
 impl Session {
-    /// The commands that came to an end, from the one that made the project on; those of earlier sittings are in it as long
-    /// as the project's folder tells of them.
+    /// The commands that came to an end, from the one that made the project on; those of earlier sittings are in it as
+    /// long as the project's folder tells of them.
     #[must_use]
     pub fn recipe(&self) -> &Recipe {
         &self.recipe
     }
 
-    /// Adds a command that was carried out to the recipe. The one in the project's folder is a convenience: where it cannot
-    /// be read or written there is a warning.
+    /// Adds a command that was carried out to the recipe. The one in the project's folder is a convenience: where it
+    /// cannot be read or written there is a warning.
     pub(super) fn record(&mut self, command: Option<Command>) {
         let Some(command) = command.filter(|command| !matches!(command, Command::Stop | Command::Model(_))) else {
             return;
@@ -57,8 +57,12 @@ impl Session {
                 .iter()
                 .map(|command| Ok(format!("\n{}", serde_json::to_string(command)?)))
                 .collect::<Result<_>>()?;
-            let mut file = OpenOptions::new().create(true).write(true).append(!is_new).truncate(is_new).open(&path)?;
-            Ok(file.write_all(lines.concat().as_bytes())?)
+            let file = OpenOptions::new().create(true).write(true).append(!is_new).truncate(is_new).open(&path)?;
+            let before = file.metadata()?.len();
+            // What a full disk cut off is taken back: half a line would be told of as damage at every later opening,
+            // and a file of the first step would not be written whole at the next one.
+            let take_back = |_: &_| drop(if is_new { std::fs::remove_file(&path) } else { file.set_len(before) });
+            Ok((&file).write_all(lines.concat().as_bytes()).inspect_err(take_back)?)
         };
         write().with_context(|| format!("{}: cannot be written", path.display()))
     }

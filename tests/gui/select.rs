@@ -9,7 +9,7 @@ use ostra::app::SelectShape;
 use ostra::masks::LabelId;
 use ostra::scene::fuse::Votes;
 use ostra::scene::select::{Eye, SeenRegion, SelectStep, Selection, Selector};
-use ostra::session::{CloudChange, CloudCorrection, Command, ResultKind};
+use ostra::session::{AdoptRequest, CloudChange, CloudCorrection, Command, ResultKind};
 
 use crate::desk::{Desk, drag, drag_fast, press};
 
@@ -165,4 +165,17 @@ fn a_choice_grows_and_is_split_and_cleared() {
         panic!("{asked:?}")
     };
     assert!(matches!(select[..], [SelectStep::Seen(_), SelectStep::Grow(_), SelectStep::Only(LabelId(2))]));
+}
+
+#[test]
+fn hanging_pieces_are_adopted_where_it_is_known_who_voted() {
+    let asked = |mut harness: Harness<'_, Desk>| {
+        press(&mut harness, Modifiers { ctrl: true, ..Modifiers::COMMAND }, Key::P);
+        harness.event(Event::Text("adopt".into()));
+        harness.run_steps(2);
+        press(&mut harness, Modifiers::NONE, Key::Enter);
+        harness.state().asked.clone()
+    };
+    assert_eq!(asked(desk()), [Command::Adopt(AdoptRequest::default())]);
+    assert_eq!(asked(Desk { votes: None, ..Desk::sample() }.shown()), []);
 }

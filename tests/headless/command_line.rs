@@ -396,6 +396,12 @@ fn an_option_that_a_score_has_no_use_for_is_refused() {
         assert!(score(of, &["--turns"]).contains("--turns means nothing"), "{of}");
     }
     assert!(score("cameras", &["--skip-first"]).contains("--skip-first means nothing"));
+    for of in ["masks", "cameras"] {
+        assert!(score(of, &["--frames", "frames"]).contains("--frames means nothing"), "{of}");
+    }
+    let cameras = ["--cameras", "sparse", "--min-views", "3", "--frames", "frames"];
+    assert!(score("cloud", &cameras).contains("--within"));
+    assert!(score("cloud", &["--within", "1", "--frames", "frames"]).contains("--cameras"));
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! A project survives being killed at any moment, and a full disk.
 //!
 //! The child is this test binary itself: it opens the project, makes random edits and saves without end, and prints
-//! every state that it was told is safe. The parent kills it at random moments and opens what is left.
+//! every state that it was told is safe, until the disk refuses too many of its steps. The parent kills it at random
+//! moments and opens what is left.
 
 use std::hash::{Hash, Hasher};
 use std::io::{BufRead, BufReader, Write};
@@ -19,6 +20,9 @@ use rand_pcg::Pcg64Mcg;
 
 const ROOT: &str = "OSTRA_TEST_CRASH_ROOT";
 const KILLS: u64 = 200;
+/// What is said of a step that cannot be written, and after how many of them the child ends by itself.
+const UNSAVED: &str = "cannot be saved and was not made";
+const ENOUGH_REFUSED: usize = 6;
 
 fn fingerprint(project: &Project) -> u64 {
     let mut hasher = rustc_hash::FxHasher::default();
@@ -110,7 +114,8 @@ fn child() {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut session = opened(Path::new(&root));
     let mut out = std::io::stdout();
-    loop {
+    let mut refused = 0;
+    while refused < ENOUGH_REFUSED {
         let before = state(&session);
         writeln!(out, "safe {before}").unwrap();
         if random.random_ratio(1, 12) {
@@ -122,6 +127,7 @@ fn child() {
             if let Err(error) = session.act(command) {
                 assert_eq!(state(&session), before, "a refused command changes nothing");
                 writeln!(out, "refused {error:#}").unwrap();
+                refused += usize::from(format!("{error:#}").contains(UNSAVED));
             }
         }
         session.poll();
@@ -216,14 +222,15 @@ fn killed_at_any_moment_nothing_is_lost_but_the_edit_in_flight() {
 fn a_full_disk_refuses_the_step_and_harms_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let root = made(folder.path());
-    for blocks in [4, 7, 12] {
+    for (blocks, is_recipe_full) in [(4, false), (7, false), (12, false), (12, true)] {
+        if is_recipe_full {
+            let empty_lines = "\n".repeat(blocks * 512 - 20);
+            std::fs::write(root.join("recipe.jsonl"), empty_lines).unwrap();
+        }
         let mut child = start(&root, Some(&format!("trap '' XFSZ; ulimit -f {blocks}")));
-        let mut refused = 0;
-        let lines = kill_when(&mut child, |line| {
-            refused += usize::from(line.contains("cannot be saved and was not made"));
-            refused > 5 || line.contains("test result")
-        });
-        assert!(refused > 5, "{}", lines.concat());
+        let lines = kill_when(&mut child, |line| line.contains("test result"));
+        let refused = lines.iter().filter(|line| line.contains(UNSAVED)).count();
+        assert_eq!(refused, ENOUGH_REFUSED, "{}", lines.concat());
         check(&root, last_safe(&lines).unwrap());
     }
 }

@@ -5,6 +5,8 @@
 mod support;
 
 #[cfg(test)]
+mod adopt;
+#[cfg(test)]
 mod architecture;
 #[cfg(test)]
 mod bedroom;

@@ -1,24 +1,24 @@
 use std::collections::VecDeque;
 
-use crate::masks::{LabelId, LabelMask};
+use crate::masks::{LabelId, LabelMask, Region};
 use crate::scene::fuse::Votes;
 
-/// A frame's mask with the pixels of `label` given to what the points chose that the frame sees there: a pixel takes the
-/// choice of the nearest pixel that sees a point, on a way through pixels of `label`. `choice` runs along the points of
-/// `votes`, `None` chooses nothing. `None` where no pixel changes.
+/// A frame's mask with the pixels of `inside` given to what the points chose that the frame sees there: a pixel takes
+/// the choice of the nearest pixel that sees a point, on a way through pixels of `inside`. `choice` runs along the
+/// points of `votes`, `None` chooses nothing. `None` where no pixel changes.
 #[must_use]
 pub fn split_mask(
     votes: &Votes,
     choice: &[Option<LabelId>],
     (frame, mask): (usize, &LabelMask),
-    label: LabelId,
+    mut inside: Region,
 ) -> Option<LabelMask> {
     let mut split = mask.clone();
     let mut open = VecDeque::new();
     for (point, x, y) in votes.sightings(frame) {
         let Some(chosen) = choice[point].filter(|_| x < mask.width && y < mask.height) else { continue };
         let at = y as usize * mask.width as usize + x as usize;
-        if split.ids[at] == label {
+        if std::mem::take(&mut inside.inside[at]) {
             split.ids[at] = chosen;
             open.push_back(at);
         }
@@ -28,7 +28,7 @@ pub fn split_mask(
     }
     while let Some(at) = open.pop_front() {
         for next in beside(at, mask.width as usize, mask.ids.len()).into_iter().flatten() {
-            if split.ids[next] == label {
+            if std::mem::take(&mut inside.inside[next]) {
                 split.ids[next] = split.ids[at];
                 open.push_back(next);
             }

@@ -3,13 +3,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::frusta::inside_frusta;
-use super::in_depth::depth_differences;
+use super::in_depth::{differences_by_features, differences_by_guess};
 use super::labels::{LabelScore, score_labels};
 use super::pairing::pair_labels;
+use super::sightings::FeatureViews;
 use super::surface::{SurfaceScore, score_surface};
 use crate::engine::job::Progress;
 use crate::frames::FrameCamera;
-use crate::frames::cameras::SparsePoints;
 use crate::geometry::Similarity;
 use crate::masks::LabelId;
 use crate::scene::points::Neighbours;
@@ -27,9 +27,9 @@ pub struct CloudScoreOptions {
     pub cameras: Vec<FrameCamera>,
     /// As above; 0 = every truth point counts.
     pub min_views: usize,
-    /// Features that the cameras' pictures have in common, in the truth's space, by the camera's place in `cameras`: they
-    /// tell which truth points a camera sees, for the comparison in depth; `None` = those that nothing hides.
-    pub features: Option<SparsePoints>,
+    /// Pictures that tell which truth points a camera sees, for the comparison in depth; `None` = by the frusta of
+    /// `cameras`, those that nothing hides.
+    pub pictures: Option<FeatureViews>,
     /// Brings the result into the truth's space first.
     pub truth_from_result: Option<Similarity>,
 }
@@ -45,8 +45,10 @@ pub struct CloudScore {
     pub labels: LabelScore,
     /// Median distance from a truth point to the nearest result point, in cloud units.
     pub median_distance: f64,
-    /// Pairs of a result point and a truth point compared in depth.
-    pub compared_in_depth: usize,
+    /// Pairs of a result point and a truth point compared in depth, one for each camera that sees both; `None` without
+    /// cameras.
+    #[serde(default)]
+    pub compared_in_depth: Option<usize>,
     /// The surface at each distance.
     pub surface: Vec<SurfaceScore>,
 }
@@ -56,7 +58,7 @@ pub struct CloudScore {
 ///
 /// # Errors
 /// [`SceneError::Request`] when a cloud is empty, a distance is not above 0, or no truth point lies inside enough
-/// frusta; [`SceneError::Stopped`].
+/// frusta or is shown by the pictures; [`SceneError::Stopped`].
 pub fn score_cloud(
     truth: &LabelledCloud,
     result: &LabelledCloud,
@@ -74,8 +76,12 @@ pub fn score_cloud(
         Neighbours::new(&result.positions).zip(Neighbours::new(&truth.all)).ok_or_else(empty)?;
     let to_result = distances(&truth.cloud.positions, &in_result, progress)?;
     let to_truth = distances(&result.positions, &in_truth, progress)?;
-    let features = options.features.as_ref();
-    let in_depth = depth_differences(&truth.all, &result.positions, &options.cameras, features, progress)?;
+    let clouds = (truth.all.as_slice(), result.positions.as_slice());
+    let in_depth = match &options.pictures {
+        Some(views) => differences_by_features(clouds, views, progress)?,
+        None => differences_by_guess(clouds, &options.cameras, progress)?,
+    };
+    let has_cameras = options.pictures.is_some() || !options.cameras.is_empty();
     let first = options.within.first().copied().unwrap_or(f64::INFINITY);
     let paired = pair_labels(&truth.cloud.tree, &result.tree);
     let taken = to_result.iter().map(|&(index, distance)| match f64::from(distance) <= first {
@@ -90,7 +96,7 @@ pub fn score_cloud(
         result_points: result.len(),
         labels: score_labels(&truth.cloud, taken, &result.tree, &paired),
         median_distance: median(to_result.iter().map(|&(_, distance)| distance)),
-        compared_in_depth: in_depth.len(),
+        compared_in_depth: has_cameras.then_some(in_depth.len()),
         surface: options.within.iter().map(|&at| score_surface(at, &to_result, &to_truth, &in_depth)).collect(),
     })
 }

@@ -18,5 +18,6 @@ pub use cloud::{CloudScore, CloudScoreOptions, score_cloud};
 pub use frusta::inside_frusta;
 pub use labels::{Confusion, LabelIou, LabelScore};
 pub use pairing::pair_labels;
+pub use sightings::FeatureViews;
 pub use surface::SurfaceScore;
 pub use table::{Table, cloud_table};

@@ -11,7 +11,8 @@ pub struct SurfaceScore {
     pub accuracy: f64,
     /// Harmonic mean of both.
     pub f_score: f64,
-    /// Of the result points that a camera sees within a pixel of its picture of a truth point that it sees, the share that is within the distance of it in depth; `None` without cameras.
+    /// Of the result points that a camera sees within a pixel of its picture of a truth point that it sees, the share
+    /// that is within the distance of it in depth; `None` where there are none.
     pub in_depth: Option<f64>,
 }
 

@@ -52,8 +52,8 @@ pub fn cloud_table(score: &CloudScore) -> String {
     shares.row(["accuracy".to_string(), format!("{:.4}", score.labels.accuracy)]);
     shares.row(["matched".to_string(), format!("{:.4}", score.labels.matched)]);
     shares.row(["median distance".to_string(), format!("{:.6}", score.median_distance)]);
-    if score.compared_in_depth > 0 {
-        shares.row(["compared in depth".to_string(), score.compared_in_depth.to_string()]);
+    if let Some(pairs) = score.compared_in_depth {
+        shares.row(["compared in depth".to_string(), pairs.to_string()]);
     }
     let mut text = format!("{}\n{}", labels.text(), shares.text());
     if !score.surface.is_empty() {

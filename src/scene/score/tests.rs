@@ -128,3 +128,13 @@ fn the_table_reads() {
                     truth \\ result  -  stem\nstem            0     1\nleaf            1     0\n";
     assert_eq!(text, expected);
 }
+
+#[test]
+fn the_table_tells_how_much_was_compared_in_depth_where_cameras_look() {
+    let points = cloud(&[(0.0, 1)], NAMES);
+    let camera = FrameCamera::given(Camera::pinhole(64, 48, 50.0, 50.0, 32.0, 24.0), Some(Pose::default()));
+    let options = CloudScoreOptions { cameras: vec![camera], ..within(&[0.5]) };
+    let text = cloud_table(&score(&points, &points, &options));
+    let row = text.lines().find(|line| line.starts_with("compared in depth")).expect("a row of its own");
+    assert!(row.ends_with(" 0"), "no camera sees the point: {row}");
+}

@@ -10,7 +10,7 @@ use super::surface::save_surface;
 use super::voted_before::VotedBefore;
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
-use crate::masks::{LabelId, RunMask};
+use crate::masks::{LabelId, LabelMask, Region, RunMask};
 use crate::scene::LabelledCloud;
 use crate::scene::correct::SeeingPixels;
 use crate::scene::fuse::{Fused, ProjectViews, Votes};
@@ -22,6 +22,24 @@ use crate::session::store::{cloud_path, keep_mesh, sync_folder, version_in_force
 use crate::session::{
     CloudCorrection, Edit, Event, FrameMask, JobId, MaskOrigin, Project, ResultKind, ResultRecord, Session,
 };
+
+/// What a correction comes to.
+#[derive(Default)]
+pub(super) struct Corrected {
+    /// Edits of masks and labels.
+    pub(super) edits: Vec<Edit>,
+    /// What the user is told in the end; where there is that, there may be no edits, and nothing happens.
+    pub(super) notice: Option<Notice>,
+}
+
+/// What to tell of the cloud as the masks voted again; of `None` where they did not.
+pub(super) type Notice = Box<dyn FnOnce(Option<&LabelledCloud>) -> String + Send>;
+
+impl From<Vec<Edit>> for Corrected {
+    fn from(edits: Vec<Edit>) -> Self {
+        Self { edits, notice: None }
+    }
+}
 
 /// What a correction in 3-D works on: the state that it began with.
 pub(super) struct Correcting {
@@ -43,15 +61,15 @@ impl Session {
             label => format!("Assign {} in 3-D", label_name(&project, label)?),
         };
         let correction = correction.clone();
-        self.correct(&title, move |correcting, progress| correcting.written_back(&correction, progress))
+        self.correct(&title, move |correcting, progress| Ok(correcting.written_back(&correction, progress)?.into()))
     }
 
-    /// Starts a job that makes edits of masks and labels from the project as it is now, lets the points of the cloud vote
-    /// again by the masks as they are then, and takes in both as one step.
+    /// Starts a job that makes edits of masks and labels from the project as it is now, lets the points of the cloud
+    /// vote again by the masks as they are then, and takes in both as one step.
     pub(super) fn correct(
         &mut self,
         title: &str,
-        edits: impl FnOnce(&Correcting, &Progress) -> Result<Vec<Edit>> + Send + 'static,
+        corrected: impl FnOnce(&Correcting, &Progress) -> Result<Corrected> + Send + 'static,
     ) -> Result<JobId> {
         self.check_no_long_job()?;
         let project = self.snapshot()?;
@@ -64,16 +82,24 @@ impl Session {
         let correcting = Correcting { project, root, store: Arc::clone(&self.store), before, selector };
         let title = title.to_owned();
         Ok(self.start(&title.clone(), Kind::Long, move |link| {
-            let mut edits = edits(&correcting, &link.progress)?;
-            ensure!(!edits.is_empty(), "no mask changes: none that may change sees these points otherwise");
+            let Corrected { mut edits, notice } = corrected(&correcting, &link.progress)?;
+            if edits.is_empty() {
+                let text = notice.context("no mask changes: none that may change sees these points otherwise")?(None);
+                return Ok(Box::new(|session: &mut Self| {
+                    session.events.push(Event::Notice(text));
+                    Ok(())
+                }) as Landing);
+            }
             let voted = correcting.voted_again(&edits, next_version, &link.progress)?;
             let record = voted.as_ref().map(|(_, record)| record.clone());
+            let notice = notice.map(|notice| notice(voted.as_ref().map(|(fused, _)| &fused.cloud)));
             edits.extend(record.map(|record| Edit::SetResult { kind: ResultKind::Cloud, record: Some(record) }));
             Ok(Box::new(move |session: &mut Self| {
                 let now = session.snapshot()?;
                 let same = Arc::ptr_eq(&now, &correcting.project) || now == correcting.project;
                 ensure!(same, "the project changed meanwhile; do it again");
                 session.commit(&title, edits)?;
+                session.events.extend(notice.map(Event::Notice));
                 if let Some((fused, _)) = voted {
                     session.cloud.put(Some(next_version), fused.cloud, Some(fused.votes));
                     session.events.push(Event::CloudChanged);
@@ -96,34 +122,66 @@ impl Correcting {
     fn written_back(&self, correction: &CloudCorrection, progress: &Progress) -> Result<Vec<Edit>> {
         progress.stage("choose points")?;
         let (cloud, votes) = self.cloud_of_now(progress)?;
-        let selector = match &self.selector {
-            Some(selector) if Arc::ptr_eq(selector.cloud(), &cloud) => Arc::clone(selector),
-            _ => Arc::new(Selector::new(cloud)?),
-        };
-        let project = &self.project;
-        let selection = selector.select(&project.frames, &project.labels, &correction.select, progress)?;
+        let selector = self.selector_for(cloud)?;
+        let (frames, tree) = (&self.project.frames, &self.project.labels);
+        let selection = selector.select(frames, tree, &correction.select, progress)?;
         ensure!(!selection.points.is_empty(), "no point is chosen; draw around points that are seen");
         let seeing = SeeingPixels::new(&selector, &votes, &selection)?;
+        let label = correction.change.label();
         let frames: Vec<usize> = votes.frames().collect();
+        let give = |_, mask: &LabelMask, region: Region| {
+            let given = mask.ids.iter().zip(region.inside).map(|(&id, inside)| if inside { label } else { id });
+            Some(LabelMask { ids: given.collect(), ..*mask })
+        };
+        self.given_back(&seeing, &frames, correction.as_anchors, give, progress)
+    }
+
+    /// The cloud as the masks of a project vote, whose points are those of the cloud in force; `None` where it is not
+    /// known who voted.
+    pub(super) fn voted(&self, project: &Project, progress: &Progress) -> Result<Option<Fused>> {
+        let masks = |frame: usize| project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
+        let views = ProjectViews { frames: &project.frames, store: &self.store, masks: &masks };
+        self.before.cloud(&views, project, progress)
+    }
+
+    /// What choosing points of a cloud needs.
+    pub(super) fn selector_for(&self, cloud: Arc<LabelledCloud>) -> Result<Arc<Selector>> {
+        match &self.selector {
+            Some(selector) if Arc::ptr_eq(selector.cloud(), &cloud) => Ok(Arc::clone(selector)),
+            _ => Ok(Arc::new(Selector::new(cloud)?)),
+        }
+    }
+
+    /// The edits of these frames' masks by what becomes of a frame's mask and the region that sees the chosen points.
+    pub(super) fn given_back(
+        &self,
+        seeing: &SeeingPixels<'_>,
+        frames: &[usize],
+        as_anchors: bool,
+        change: impl Fn(usize, &LabelMask, Region) -> Option<LabelMask>,
+        progress: &Progress,
+    ) -> Result<Vec<Edit>> {
+        let project = &self.project;
         let mut edits = Vec::new();
         progress.stage("write back")?;
         for (done, &number) in frames.iter().enumerate() {
             progress.step(done, frames.len())?;
             let frame = project.frame(number)?;
-            let mut mask = mask_of(project, number)?;
+            let mask = mask_of(project, number)?;
             let depth = self.store.depth(frame)?;
-            let Some(region) = seeing.in_frame((number, frame), depth.as_deref(), &mask) else { continue };
-            let label = correction.change.label();
-            mask.ids.iter_mut().zip(region.inside).filter(|(_, inside)| *inside).for_each(|(id, _)| *id = label);
-            edits.extend(mask_edit(project, number, Arc::new(RunMask::encode(&mask)), correction.as_anchors));
+            let region = seeing.in_frame((number, frame), depth.as_deref(), &mask);
+            let changed = region.and_then(|region| change(number, &mask, region));
+            edits.extend(
+                changed.and_then(|mask| mask_edit(project, number, Arc::new(RunMask::encode(&mask)), as_anchors)),
+            );
         }
         edits.extend(project.there_again(&edits));
         edits.extend(not_stale(project, &edits));
         Ok(edits)
     }
 
-    /// The cloud and its surface as the masks vote after the edits, saved under a version of their own; `None` where it is not
-    /// known who voted.
+    /// The cloud and its surface as the masks vote after the edits, saved under a version of their own; `None` where it
+    /// is not known who voted.
     fn voted_again(&self, edits: &[Edit], version: u64, progress: &Progress) -> Result<Option<(Fused, ResultRecord)>> {
         let begun = Instant::now();
         let mut after = Project::clone(&self.project);
@@ -147,8 +205,8 @@ impl Correcting {
         Ok(Some((fused, ResultRecord { frames, seconds, stale, version, ..before })))
     }
 
-    /// The surface as the masks vote now, saved under this version; as it was where it is not known who voted for it. Whether
-    /// it carries the labels of now.
+    /// The surface as the masks vote now, saved under this version; as it was where it is not known who voted for it.
+    /// Whether it carries the labels of now.
     fn surface_again(
         &self,
         views: &ProjectViews<'_>,
@@ -168,8 +226,8 @@ impl Correcting {
     }
 }
 
-/// The edit that gives a frame other runs by a correction in 3-D; `None` where nothing changes. Labels that are locked stay,
-/// those that are not there come back only by an anchor.
+/// The edit that gives a frame other runs by a correction in 3-D; `None` where nothing changes. Labels that are locked
+/// stay, those that are not there come back only by an anchor.
 fn mask_edit(project: &Project, frame: usize, runs: Arc<RunMask>, as_anchor: bool) -> Option<Edit> {
     let before = project.masks.get(&frame);
     let mask = if as_anchor {

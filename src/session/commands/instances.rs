@@ -21,7 +21,7 @@ impl Session {
         let project = self.snapshot()?;
         let title = format!("Instances of {}", label_name(&project, request.label)?);
         let request = *request;
-        self.correct(&title, move |correcting, progress| correcting.split(&request, progress))
+        self.correct(&title, move |correcting, progress| Ok(correcting.split(&request, progress)?.into()))
     }
 }
 
@@ -103,7 +103,8 @@ fn split_masks(
     let mut edits = Vec::new();
     for (done, (&frame, mask)) in project.masks.iter().enumerate() {
         progress.step(done, project.masks.len())?;
-        let Some(split) = split_mask(votes, choice, (frame, &mask.runs.decode()), label) else { continue };
+        let pixels = mask.runs.decode();
+        let Some(split) = split_mask(votes, choice, (frame, &pixels), pixels.region(label)) else { continue };
         let runs = RunMask::encode(&split);
         let shown: Vec<LabelId> = runs.extents().into_keys().collect();
         edits.extend(changed(project, frame, mask, runs, |sure| {

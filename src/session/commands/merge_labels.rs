@@ -17,7 +17,7 @@ impl Session {
         if version_in_force(&project, ResultKind::Cloud).is_none() {
             return self.commit(&title, edits).map(|()| None);
         }
-        self.correct(&title, |_, _| Ok(edits)).map(Some)
+        self.correct(&title, |_, _| Ok(edits.into())).map(Some)
     }
 }
 

@@ -3,6 +3,7 @@
 //! May use: what `session` may. Must not touch: the folder on disk but through `OpenProject`.
 
 mod accept;
+mod adopt;
 mod blend;
 mod cameras;
 mod choice;

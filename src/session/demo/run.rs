@@ -18,7 +18,9 @@ use crate::scene::LabelledCloud;
 use crate::scene::ply::{Coloring, read_mesh, read_ply, save_mesh, save_ply};
 use crate::scene::score::{CloudScoreOptions, score_cloud};
 use crate::scene::synthetic::{Scene, SceneOptions, TruthOptions, View};
-use crate::session::{Command, ExportRequest, FuseRequest, NewProject, ReconstructMethod, ReconstructRequest, Session};
+use crate::session::{
+    AdoptRequest, Command, ExportRequest, FuseRequest, NewProject, ReconstructMethod, ReconstructRequest, Session,
+};
 
 /// What the demo makes and where.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,8 +97,11 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
         }
         clock.time("5 track", || SimulatedUser::track(&mut studio))?;
     }
+    clock.time("6 fuse", || studio.act(Command::Fuse(FuseRequest::default())))?;
+    if studio.session.votes().is_some_and(|votes| votes.has_voters()) {
+        clock.time("6 adopt", || studio.act(Command::Adopt(AdoptRequest::default())))?;
+    }
     if !told_apart.is_empty() {
-        clock.time("6 fuse", || studio.act(Command::Fuse(FuseRequest::default())))?;
         clock.time("6 instances", || tell_apart(&mut studio, &told_apart))?;
     }
     clock.time("6 fuse", || {

@@ -6,6 +6,9 @@ use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameFolder, OpenRequest, open};
 use crate::session::store::Folder;
 
+/// Bytes of decoded pictures kept.
+pub(super) const PIXEL_BYTES: usize = 128 << 20;
+
 /// Frames of a folder, a film, or a project, and what the user should know.
 pub(super) fn read_frames(path: &Path, progress: &Progress) -> Result<(Vec<Frame>, Vec<String>)> {
     if path.join("project.toml").is_file() {

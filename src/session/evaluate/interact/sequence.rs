@@ -8,10 +8,7 @@ use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore};
 use crate::masks::{LabelId, LabelTree, MaskFormat, MaskFrame, RunMask, import_masks};
 use crate::session::Project;
-use crate::session::evaluate::read_frames;
-
-/// Bytes of decoded pictures kept.
-const PIXEL_BYTES: usize = 128 << 20;
+use crate::session::evaluate::frames::{PIXEL_BYTES, read_frames};
 
 /// Frames with true masks.
 pub struct Sequence {

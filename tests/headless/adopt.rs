@@ -1,0 +1,122 @@
+//! Pieces of a cloud without a label go to what they hang on, in the masks, too: on the command line.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::process::Command as Process;
+
+use glam::{DVec2, Vec3};
+use ostra::masks::LabelId;
+use ostra::scene::LabelledCloud;
+use ostra::scene::select::{Eye, SeenRegion, SelectStep};
+use ostra::session::{
+    AdoptRequest, CloudChange, CloudCorrection, Command, FuseRequest, RangeChange, RangeRequest, Session,
+};
+
+use super::command_line::{done, refused};
+use super::session::perform;
+
+/// The made plant, clicked and fused with all that is seen, in small pictures.
+fn plant(out: &Path) -> Session {
+    let run = Process::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(["demo", "--headless", "--frames", "12", "--size", "300x400"])
+        .arg(out)
+        .output()
+        .unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let mut session = opened(&out.join("project"));
+    perform(&mut session, Command::Fuse(FuseRequest::default())).unwrap();
+    perform(&mut session, Command::Adopt(AdoptRequest::default())).unwrap();
+    session
+}
+
+fn opened(root: &Path) -> Session {
+    let mut session = Session::new();
+    perform(&mut session, Command::Open(root.into())).unwrap();
+    // The cloud is loaded when it is asked for.
+    let _ = session.cloud();
+    session.settle(|_| ControlFlow::Continue(()));
+    session
+}
+
+fn of_label(cloud: &LabelledCloud, label: LabelId) -> Vec<Vec3> {
+    let labelled = cloud.positions.iter().zip(&cloud.labels).filter(|(_, id)| **id == label);
+    labelled.map(|(position, _)| *position).collect()
+}
+
+fn count(session: &Session, label: LabelId) -> usize {
+    of_label(session.cloud().unwrap(), label).len()
+}
+
+/// Takes the label off a leaf's tip in all masks, as a frame sees it: the point farthest from the middle of the stem.
+fn clear_tip(session: &mut Session, leaf: LabelId, stem: LabelId) {
+    let cloud = session.cloud().unwrap();
+    let stem = of_label(cloud, stem);
+    let middle = stem.iter().sum::<Vec3>() / stem.len() as f32;
+    let far = |point: &Vec3| point.distance_squared(middle);
+    let tip = of_label(cloud, leaf).into_iter().max_by(|a, b| far(a).total_cmp(&far(b))).unwrap().as_dvec3();
+    let frames = session.project().unwrap().frames.clone();
+    let seen_in = |frame: usize| -> Option<DVec2> {
+        let (camera, pose) = frames[frame].posed_camera()?;
+        camera.project(pose.transform(tip)).filter(|at_px| camera.contains(*at_px))
+    };
+    let cleared = (0..frames.len()).find(|&frame| {
+        let Some(at_px) = seen_in(frame) else { return false };
+        let seen = SeenRegion {
+            eye: Eye::Frame(frame),
+            points_px: vec![at_px],
+            radius_px: 12.0,
+            remove: false,
+            hidden: Vec::new(),
+            isolated: None,
+            doubtful_below: None,
+            cube_from_world: None,
+        };
+        let select = vec![SelectStep::Seen(seen), SelectStep::Only(leaf), SelectStep::Piece(0)];
+        let correction = CloudCorrection { select, change: CloudChange::Clear, as_anchors: false };
+        perform(session, Command::CorrectCloud(correction)).is_ok()
+    });
+    assert!(cleared.is_some(), "some frame sees the tip");
+}
+
+#[test]
+fn a_leafs_tip_that_no_mask_has_goes_to_the_leaf() {
+    let out = tempfile::tempdir().unwrap();
+    let folder = out.path().join("demo");
+    let mut session = plant(&folder);
+    let labels = &session.project().unwrap().labels;
+    let [leaf, stem] = ["leaf", "stem"].map(|name| labels.by_name(name).unwrap().id);
+    let whole = count(&session, leaf);
+    clear_tip(&mut session, leaf, stem);
+    let bare = 5;
+    perform(&mut session, Command::ClearMask { frame: bare }).unwrap();
+    let (before, cut) = (session.project().unwrap().clone(), count(&session, leaf));
+    assert!(cut + 20 < whole, "{cut} points of {whole}: a tip is gone");
+    session.save().unwrap();
+    drop(session);
+
+    let root = folder.join("project");
+    let project = root.to_str().unwrap();
+    assert!(refused(&["adopt", project, "--radius", "0.5"]).contains("radius"));
+    let said = done(&["adopt", project]);
+    assert!(said.contains("adopted: leaf 1 piece of "), "{said}");
+    assert!(done(&["adopt", project]).contains("nothing without a label hangs"), "it is done");
+
+    let mut session = opened(&root);
+    let healed = count(&session, leaf);
+    assert!(healed - cut >= (whole - cut) * 9 / 10, "{cut}, {healed} of {whole}");
+    assert_eq!(session.undo_title(), Some("Adopt hanging pieces"));
+    let has_mask = |session: &Session| session.project().unwrap().masks.contains_key(&bare);
+    assert!(!has_mask(&session), "a frame without a mask gets none: it would vote for nothing but the tip");
+    perform(&mut session, Command::Undo).unwrap();
+    assert!(**session.project().unwrap() == *before, "one undo takes all of it back");
+
+    let to = before.frames.len() - 1;
+    let hide = RangeRequest { labels: vec![leaf], from: 0, to, change: RangeChange::Hide, replace: false };
+    perform(&mut session, Command::Range(hide)).unwrap();
+    let hidden = session.project().unwrap().clone();
+    perform(&mut session, Command::Adopt(AdoptRequest::default())).unwrap();
+    assert!(
+        **session.project().unwrap() == *hidden,
+        "a leaf that is hidden gets nothing, nor does the stem get any of it"
+    );
+}
