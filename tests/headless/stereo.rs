@@ -92,13 +92,40 @@ fn request() -> Command {
     Command::Reconstruct(ReconstructRequest { method, max_side: Some(200), ..ReconstructRequest::default() })
 }
 
-/// Runs stereo and stops it in a stage after so many views; gives what was said.
+/// Runs stereo and stops it in a stage after so many views, looking without a pause; gives what was said.
 fn stopped(session: &mut Session, stage: &str, views: usize) -> Vec<Event> {
     session.act(request()).unwrap();
-    session.settle(|jobs| {
-        let there = jobs.iter().any(|job| job.report.stage == stage && job.report.done >= views);
-        if there { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    })
+    let mut events = Vec::new();
+    while !session.jobs().is_empty() {
+        if session.jobs().iter().any(|job| job.report.stage == stage && job.report.done >= views) {
+            session.act(Command::Stop).unwrap();
+        }
+        events.extend(session.poll());
+        std::thread::yield_now();
+    }
+    events.extend(session.settle(|_| ControlFlow::Continue(())));
+    events
+}
+
+/// A run stopped in one stage after the other, each time going on where it was; `None` where one came to its end before it
+/// could be stopped.
+fn stopped_in_turn(parts: &Project) -> Option<Session> {
+    let mut session = opened(parts);
+    let mut first: Vec<(PathBuf, SystemTime)> = Vec::new();
+    for (stage, views) in [("depth", 2), ("consistent depth", 1), ("complete", 1)] {
+        let events = stopped(&mut session, stage, views);
+        if !events.iter().any(|event| matches!(event, Event::Stopped { .. })) {
+            println!("{stage}: {events:?}");
+            return None;
+        }
+        let frames = &session.project().unwrap().frames;
+        assert!(frames.iter().all(|frame| frame.depth.is_none()), "depths stand when they are done");
+        let kept = rounds(&parts.root());
+        let again = first.iter().find(|(path, made)| kept.iter().any(|(other, now)| other == path && now != made));
+        assert!(!kept.is_empty() && again.is_none(), "{stage}: made anew: {again:?}");
+        first = kept;
+    }
+    Some(session)
 }
 
 fn opened(project: &Project) -> Session {
@@ -131,24 +158,18 @@ fn rounds(root: &str) -> Vec<(PathBuf, SystemTime)> {
 fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
     let Some(data) = data_dir() else { return };
     let set = data.join("strecha_fountain_P11");
-    let (whole, parts) = (project(&set, 5), project(&set, 5));
+    let whole = project(&set, 5);
     let mut session = opened(&whole);
     session.act(request()).unwrap();
     session.settle(|_| ControlFlow::Continue(()));
     session.save().unwrap();
     drop(session);
-    let mut session = opened(&parts);
-    let mut first: Vec<(PathBuf, SystemTime)> = Vec::new();
-    let has_depth = |session: &Session| session.project().unwrap().frames.iter().any(|frame| frame.depth.is_some());
-    for (stage, views) in [("depth", 2), ("consistent depth", 1), ("complete", 1)] {
-        let events = stopped(&mut session, stage, views);
-        assert!(events.iter().any(|event| matches!(event, Event::Stopped { .. })), "{stage}: {events:?}");
-        assert!(!has_depth(&session), "depths stand when they are done");
-        let kept = rounds(&parts.root());
-        let again = first.iter().find(|(path, made)| kept.iter().any(|(other, now)| other == path && now != made));
-        assert!(!kept.is_empty() && again.is_none(), "{stage}: made anew: {again:?}");
-        first = kept;
-    }
+    // Completion is short: on a busy machine it may be over before anyone looks.
+    let in_turn = |_| {
+        let parts = project(&set, 5);
+        stopped_in_turn(&parts).map(|session| (parts, session))
+    };
+    let (parts, mut session) = (0..8).find_map(in_turn).expect("a run can be stopped in every stage");
     session.act(request()).unwrap();
     session.settle(|_| ControlFlow::Continue(()));
     session.save().unwrap();
