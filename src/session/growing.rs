@@ -110,10 +110,6 @@ impl DepthStore for Shown<'_> {
         self.depths.load(frame, stage)
     }
 
-    fn has(&self, frame: usize, stage: Stage) -> bool {
-        self.depths.has(frame, stage)
-    }
-
     fn save(&self, frame: usize, stage: Stage, estimate: DepthEstimate) -> Result<(), SceneError> {
         if self.link.is_watched() {
             let least = if let Stage::Round(_) = stage { SURE } else { 0 };

@@ -12,7 +12,7 @@ use ostra::engine::gpu::{Device, Software};
 use ostra::engine::job::Progress;
 use ostra::geometry::{Camera, Pose};
 use ostra::scene::stereo::Engine;
-use ostra::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Round, Search, Tones};
+use ostra::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Plane, Round, Search, Tones};
 
 /// Pictures: a reference and its sources.
 const VIEWS: usize = 5;
@@ -52,7 +52,7 @@ fn size(word: &str) -> Option<(u32, u32)> {
     Some((width.parse().ok()?, height.parse().ok()?))
 }
 
-/// What both kinds of search find, the second from what the first found in all pictures, and their seconds.
+/// What both kinds of search find, the second from what the first found and the sources' true planes, and their seconds.
 fn timed(engine: &Engine, pictures: &[Arc<Picture>]) -> Result<([Found; 2], [f64; 2]), Box<dyn Error>> {
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let (reference, sources) = (&*pictures[0], &pictures[1..]);
@@ -60,9 +60,7 @@ fn timed(engine: &Engine, pictures: &[Arc<Picture>]) -> Result<([Found; 2], [f64
     let begun = Instant::now();
     let first = engine.search(&task, &options, &progress)?;
     let seconds = begun.elapsed().as_secs_f64();
-    // The reference's own depths stand for those of the sources: the work is the same.
-    let known = Some(Arc::new(first.clone()));
-    let others = vec![known; sources.len()];
+    let others: Vec<_> = sources.iter().map(|source| Some(Arc::new(true_planes(source)))).collect();
     let begun = Instant::now();
     let round = Round { start: &first, others: &others, before: 0 };
     let again = engine.search_consistent(&task, &round, &options, &progress)?;
@@ -76,18 +74,39 @@ fn share(cpu: &Found, gpu: &Found) -> f64 {
     100.0 * near.count() as f64 / (known.count() as f64).max(1.0)
 }
 
-/// A slanted textured wall from one of several places.
-fn picture(index: usize, width: u32, height: u32) -> Arc<Picture> {
+/// Where a picture is taken from.
+fn view(index: usize, width: u32, height: u32) -> (Camera, Pose) {
     let side = 0.3 * index.div_ceil(2) as f64 * if index.is_multiple_of(2) { -1.0 } else { 1.0 };
     let pose = Pose { rotation: DQuat::from_rotation_y(0.1 * side), translation: DVec3::new(-side, 0.05 * side, 0.0) };
     let focal = f64::from(width);
-    let camera = Camera::pinhole(width, height, focal, focal, 0.5 * f64::from(width), 0.5 * f64::from(height));
+    (Camera::pinhole(width, height, focal, focal, 0.5 * f64::from(width), 0.5 * f64::from(height)), pose)
+}
+
+/// Inverse depth of a slanted wall in a pixel, and the pixel's ray in the world.
+fn wall(camera: &Camera, pose: &Pose, x: u32, y: u32) -> (f64, DVec3) {
+    let at_px = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+    let (centre, ray) = (pose.centre(), pose.rotation.conjugate() * camera.unproject(at_px).extend(1.0));
+    ((ray.z - 0.4 * ray.x + 0.3 * ray.y) / (3.0 + 0.4 * centre.x - 0.3 * centre.y - centre.z), ray)
+}
+
+/// The wall's plane in each pixel of a picture.
+fn true_planes(picture: &Picture) -> Found {
+    let (width, height) = picture.size();
+    let inverse_depth = |x: usize, y: usize| wall(&picture.camera, &picture.camera_from_world, x as u32, y as u32).0;
+    let origin = inverse_depth(0, 0);
+    let slope = [inverse_depth(1, 0) - origin, inverse_depth(0, 1) - origin].map(|slope| slope as f32);
+    let plane = |i: usize| Plane { inverse_depth: inverse_depth(i % width, i / width) as f32, slope };
+    let planes = (0..width * height).map(plane).collect();
+    Found { width, height, planes, costs: vec![0.0; width * height] }
+}
+
+/// The textured wall from one of several places.
+fn picture(index: usize, width: u32, height: u32) -> Arc<Picture> {
+    let (camera, pose) = view(index, width, height);
     let fineness = f64::from(width) / 160.0;
     let grey = |i: u32| {
-        let at_px = DVec2::new(f64::from(i % width) + 0.5, f64::from(i / width) + 0.5);
-        let (centre, ray) = (pose.centre(), pose.rotation.conjugate() * camera.unproject(at_px).extend(1.0));
-        let depth = (3.0 + 0.4 * centre.x - 0.3 * centre.y - centre.z) / (ray.z - 0.4 * ray.x + 0.3 * ray.y);
-        let x = centre + depth * ray;
+        let (inverse_depth, ray) = wall(&camera, &pose, i % width, i / width);
+        let x = pose.centre() + ray / inverse_depth;
         let wave = |kx: f64, ky: f64, scale: f64| (scale * (kx * x.x + ky * x.y)).sin();
         let coarse = wave(17.0, 5.0, 1.0) + wave(-7.0, 19.0, 1.0);
         (127.5 + 30.0 * (coarse + wave(29.0, -23.0, fineness) + wave(11.0, 31.0, fineness))) as f32

@@ -182,7 +182,7 @@ fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
 }
 
 #[test]
-fn a_killed_run_goes_on_and_comes_to_the_same() {
+fn a_killed_run_goes_on_and_what_is_damaged_is_made_again() {
     let Some(data) = data_dir() else { return };
     let set = data.join("strecha_fountain_P11");
     let (whole, killed) = (project(&set, 4), project(&set, 4));
@@ -197,6 +197,8 @@ fn a_killed_run_goes_on_and_comes_to_the_same() {
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(killed.info()["results"]["depths"].is_null(), "depths stand when they are done");
+    let (damaged, _) = &rounds(&killed.root())[0];
+    std::fs::OpenOptions::new().write(true).open(damaged).unwrap().set_len(100).unwrap();
     assert!(ostra(&args(&killed.root())).status.success());
     let (once, twice) = (depth_maps(&whole.root()), depth_maps(&killed.root()));
     assert_eq!(once.len(), 4);

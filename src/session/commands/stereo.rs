@@ -15,7 +15,7 @@ use crate::geometry::Camera;
 use crate::masks::LabelId;
 use crate::scene::sfm::{Sift, undistort_mask};
 use crate::scene::stereo::{
-    DepthStore, Engine, SparseOptions, Stage, StereoError, StereoOptions, StereoRequest, ViewOutcome, estimate_depths,
+    DepthStore, Engine, SparseOptions, StereoError, StereoOptions, StereoRequest, ViewOutcome, estimate_depths,
     sparse_from_cameras,
 };
 use crate::session::engines::matcher;
@@ -60,7 +60,7 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
     account.outcomes = Some(outcomes);
     folder.save_account(&account)?;
     folder.finish();
-    let made: Vec<bool> = (0..project.frames.len()).map(|frame| folder.has(frame, Stage::Complete)).collect();
+    let made: Vec<bool> = (0..project.frames.len()).map(|frame| folder.is_complete(frame)).collect();
     let record = ResultRecord {
         engine: "stereo".into(),
         frames: made.iter().filter(|&&made| made).count(),

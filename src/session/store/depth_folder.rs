@@ -92,6 +92,12 @@ impl DepthFolder {
         let _ = fs::remove_dir_all(self.folder.join(ROUNDS));
     }
 
+    /// Whether a frame's depth is there, ready to be looked at.
+    #[must_use]
+    pub fn is_complete(&self, frame: usize) -> bool {
+        self.path(frame, Stage::Complete).is_file()
+    }
+
     fn path(&self, frame: usize, stage: Stage) -> PathBuf {
         self.of_stage(stage).join(&self.names[frame])
     }
@@ -110,16 +116,12 @@ impl DepthStore for DepthFolder {
         let MadeDepth { camera, depth, normals, confidence } = match MadeDepth::read(&self.path(frame, stage)) {
             Ok(made) => made,
             Err(FrameError::Missing { .. }) => return Ok(None),
-            // What a round made is made again.
-            Err(FrameError::Invalid { .. }) if matches!(stage, Stage::Round(_)) => return Ok(None),
+            // What is there to go on with is made again.
+            Err(FrameError::Invalid { .. }) if stage != Stage::Complete => return Ok(None),
             Err(error) => return Err(error.into()),
         };
         let depths = depth.depths.iter().map(|depth| self.scale * depth).collect();
         Ok(Some(Arc::new(DepthEstimate { camera, depths, normals, confidence })))
-    }
-
-    fn has(&self, frame: usize, stage: Stage) -> bool {
-        self.path(frame, stage).is_file()
     }
 
     fn save(&self, frame: usize, stage: Stage, estimate: DepthEstimate) -> Result<(), SceneError> {

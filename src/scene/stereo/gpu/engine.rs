@@ -7,6 +7,9 @@ use crate::engine::job::Progress;
 use crate::scene::stereo::StereoError;
 use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Processor, Round, Search, search, search_consistent};
 
+/// Most views that are worked on at once.
+const MOST_AT_ONCE: usize = 4;
+
 /// What PatchMatch runs on.
 #[derive(Debug, Clone, Default)]
 pub enum Engine {
@@ -35,6 +38,15 @@ impl Engine {
                 format!("{}, a graphics card imitated by the processor", kernels.device.name())
             }
             Self::Gpu(kernels) => format!("the graphics card {}", kernels.device.name()),
+        }
+    }
+
+    /// How many views keep it busy: what each needs besides the passes over its pixels is one core's work.
+    #[must_use]
+    pub fn views_at_once(&self) -> usize {
+        match self {
+            Self::Cpu => rayon::current_num_threads().min(MOST_AT_ONCE),
+            Self::Gpu(_) => MOST_AT_ONCE,
         }
     }
 

@@ -6,6 +6,7 @@ mod pictures;
 mod plan;
 mod run;
 mod store;
+mod work;
 
 pub use outcome::ViewOutcome;
 pub use run::{RasterMask, StereoOptions, StereoRequest, estimate_depths};

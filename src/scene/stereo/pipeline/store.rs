@@ -23,9 +23,6 @@ pub trait DepthStore: Sync {
     /// [`SceneError`] when it cannot be read.
     fn load(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError>;
 
-    /// Whether the depth of a frame at a stage is there.
-    fn has(&self, frame: usize, stage: Stage) -> bool;
-
     /// Keeps the depth of a frame at a stage.
     ///
     /// # Errors
@@ -49,10 +46,6 @@ impl DepthStore for MemoryDepths {
     fn load(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError> {
         let estimates = self.estimates.lock().unwrap_or_else(PoisonError::into_inner);
         Ok(estimates.get(&(stage, frame)).map(Arc::clone))
-    }
-
-    fn has(&self, frame: usize, stage: Stage) -> bool {
-        self.estimates.lock().unwrap_or_else(PoisonError::into_inner).contains_key(&(stage, frame))
     }
 
     fn save(&self, frame: usize, stage: Stage, estimate: DepthEstimate) -> Result<(), SceneError> {

@@ -29,7 +29,7 @@ impl Default for InteractOptions {
             enough_iou: 0.95,
             jitter_px: 0.0,
             seed: 1,
-            outline_px: 2.0,
+            outline_px: 1.0,
             corner_gain: 0.004,
         }
     }

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use super::wall::{found, partly_flat, pictures, task};
 use super::{Engine, assert_equal, card};
 use crate::engine::job::Progress;
-use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Round};
+use crate::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Round};
 
 /// An odd width and height.
 const SIZE: (u32, u32) = (141, 101);
@@ -16,6 +16,23 @@ fn a_search_finds_what_the_processor_finds() {
     let task = task(&pictures, None);
     let gpu = card.search(&task, &options, &progress).unwrap();
     assert_equal(&card, &Engine::Cpu.search(&task, &options, &progress).unwrap(), &gpu, "search");
+}
+
+#[test]
+fn searches_at_once_find_what_they_find_alone() {
+    let Some(card) = card() else { return };
+    let tasks = [(4, SIZE), (3, SIZE), (3, (64, 90)), (4, SIZE)].map(|(count, size)| pictures(count, size));
+    let search = |pictures: &Vec<Arc<Picture>>| {
+        card.search(&task(pictures, None), &PatchMatchOptions::default(), &Progress::default()).unwrap()
+    };
+    let alone = tasks.each_ref().map(search);
+    let at_once = std::thread::scope(|scope| {
+        let threads = tasks.each_ref().map(|pictures| scope.spawn(|| search(pictures)));
+        threads.map(|thread| thread.join().unwrap())
+    });
+    for (alone, at_once) in alone.iter().zip(&at_once) {
+        assert!(alone.planes == at_once.planes && alone.costs == at_once.costs);
+    }
 }
 
 #[test]

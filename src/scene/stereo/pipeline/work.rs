@@ -1,0 +1,195 @@
+use std::collections::VecDeque;
+use std::panic::resume_unwind;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::pictures::Pictures;
+use super::plan::PlannedView;
+use super::run::{StereoOptions, StereoRequest};
+use super::store::{DepthStore, Stage};
+use crate::engine::job::Progress;
+use crate::scene::SceneError;
+use crate::scene::stereo::filter::{Neighbour, completed, filter, snapped};
+use crate::scene::stereo::patchmatch::{Found, Picture, Round, Search};
+use crate::scene::stereo::raster::raster_camera;
+use crate::scene::stereo::{DepthEstimate, StereoError};
+
+/// Most pixels of the views that are worked on at once, which bounds memory; one view may have more.
+const PIXELS_AT_ONCE: usize = 4 << 20;
+
+/// What all steps of a run look at.
+pub struct Work<'a> {
+    /// What is to be made.
+    pub request: &'a StereoRequest<'a>,
+    /// Where it goes.
+    pub depths: &'a dyn DepthStore,
+    /// How it is made.
+    pub options: &'a StereoOptions,
+    /// Tells how far it is.
+    pub progress: &'a Progress,
+}
+
+/// A view with its picture and those of the views beside it.
+struct Prepared<'a> {
+    view: &'a PlannedView,
+    picture: Arc<Picture>,
+    beside: Vec<(usize, Arc<Picture>)>,
+}
+
+impl<'a> Prepared<'a> {
+    /// Reads what a stage of a view looks at.
+    fn new(view: &'a PlannedView, stage: Stage, pictures: &mut Pictures<'_>) -> Result<Self, SceneError> {
+        let mut get = |number: usize| pictures.get(number).map_err(SceneError::Request);
+        let picture = get(view.frame)?;
+        let beside = if stage == Stage::Complete { &view.around } else { &view.sources };
+        let beside = beside.iter().map(|&number| Ok((number, get(number)?))).collect::<Result<_, SceneError>>()?;
+        Ok(Self { view, picture, beside })
+    }
+}
+
+impl Work<'_> {
+    /// Makes a stage of all views that are not that far, some of them at once. Each is kept in its turn, also those that
+    /// end after another has failed.
+    ///
+    /// # Errors
+    /// The first that the store of depths or the engine said, [`StereoError::Stopped`].
+    pub fn make(&self, stage: Stage, views: &[PlannedView], pictures: &mut Pictures<'_>) -> Result<(), StereoError> {
+        let open: Vec<_> = views.par_iter().filter(|view| !self.is_made(view.frame, stage)).collect();
+        let (at_once, mut done) = (self.at_once(views), views.len() - open.len());
+        let mut open = open.into_iter();
+        std::thread::scope(|scope| {
+            let (mut working, mut outcome) = (VecDeque::new(), self.told(done, views));
+            loop {
+                while outcome.is_ok()
+                    && working.len() < at_once
+                    && let Some(view) = open.next()
+                {
+                    match Prepared::new(view, stage, pictures) {
+                        Ok(prepared) => {
+                            let thread = scope.spawn(move || self.made(&prepared, stage));
+                            working.push_back((view.frame, thread));
+                        }
+                        Err(error) => outcome = Err(error.into()),
+                    }
+                }
+                let Some((frame, oldest)) = working.pop_front() else { return outcome };
+                let made = oldest.join().unwrap_or_else(|panic| resume_unwind(panic));
+                let kept = made.and_then(|made| Ok(self.depths.save(frame, stage, made)?));
+                done += usize::from(kept.is_ok());
+                outcome = outcome.and(kept).and(self.told(done, views));
+            }
+        })
+    }
+
+    /// Tells how far a stage is, and notices a stop.
+    fn told(&self, done: usize, views: &[PlannedView]) -> Result<(), StereoError> {
+        Ok(self.progress.step(done, views.len())?)
+    }
+
+    /// As many views as keep the engine busy and memory holds.
+    fn at_once(&self, views: &[PlannedView]) -> usize {
+        let pixels = |view: &PlannedView| {
+            let (lens, _) = self.request.frames[view.frame].posed_camera()?;
+            let raster = raster_camera(lens, self.options.max_side);
+            Some(raster.width as usize * raster.height as usize)
+        };
+        let largest = views.iter().filter_map(pixels).max().unwrap_or(1);
+        (PIXELS_AT_ONCE / largest).clamp(1, self.request.engine.views_at_once())
+    }
+
+    /// Whether a view is that far. What is damaged is made again.
+    fn is_made(&self, frame: usize, stage: Stage) -> bool {
+        self.since(stage).any(|stage| matches!(self.depths.load(frame, stage), Ok(Some(_))))
+    }
+
+    /// A stage and those after it.
+    fn since(&self, stage: Stage) -> impl Iterator<Item = Stage> {
+        let rounds = (0..=self.options.rounds).map(Stage::Round);
+        rounds.chain([Stage::Filtered, Stage::Complete]).filter(move |&other| other >= stage)
+    }
+
+    fn made(&self, view: &Prepared<'_>, stage: Stage) -> Result<DepthEstimate, StereoError> {
+        match stage {
+            Stage::Round(round) => self.searched(view, round),
+            Stage::Filtered => self.filtered(view),
+            Stage::Complete => self.completed(view),
+        }
+    }
+
+    /// A view's depth after a round.
+    fn searched(
+        &self,
+        Prepared { view, picture, beside }: &Prepared<'_>,
+        round: u32,
+    ) -> Result<DepthEstimate, StereoError> {
+        let sources: Vec<Arc<Picture>> = beside.iter().map(|(_, picture)| Arc::clone(picture)).collect();
+        let allowed = (self.request.mask)(view.frame, &picture.camera);
+        let task = Search {
+            reference: picture,
+            sources: &sources,
+            depth_range: view.depth_range,
+            seeds: &view.seeds,
+            allowed: allowed.as_deref(),
+        };
+        let (engine, options) = (self.request.engine, &self.options.patchmatch);
+        let found = match round.checked_sub(1) {
+            None => engine.search(&task, options, self.progress)?,
+            Some(before) => {
+                let start = self.own(view, Stage::Round(before))?.found(picture);
+                let of_source = |(number, picture): &(usize, Arc<Picture>)| {
+                    Ok(self.kept(*number, Stage::Round(before))?.map(|estimate| Arc::new(estimate.found(picture))))
+                };
+                let others: Vec<Option<Arc<Found>>> =
+                    beside.par_iter().map(of_source).collect::<Result<_, StereoError>>()?;
+                let round = Round { start: &start, others: &others, before };
+                engine.search_consistent(&task, &round, options, self.progress)?
+            }
+        };
+        Ok(DepthEstimate::new(&found, picture))
+    }
+
+    /// What of a view's depth its sources agree with.
+    fn filtered(&self, prepared: &Prepared<'_>) -> Result<DepthEstimate, StereoError> {
+        let (Prepared { view, picture, .. }, last) = (prepared, Stage::Round(self.options.rounds));
+        let own = snapped(&*self.own(view, last)?, &picture.levels[0], &self.options.filter.snap);
+        Ok(filter(&own, &self.neighbours(prepared, last)?, &self.options.filter))
+    }
+
+    /// A view's depth, and what those around it see.
+    fn completed(&self, prepared: &Prepared<'_>) -> Result<DepthEstimate, StereoError> {
+        let Prepared { view, picture, .. } = prepared;
+        let own = self.own(view, Stage::Filtered)?;
+        let neighbours = self.neighbours(prepared, Stage::Filtered)?;
+        let allowed = (self.request.mask)(view.frame, &picture.camera);
+        Ok(completed(&own, picture, allowed.as_deref(), &neighbours, &self.options.filter))
+    }
+
+    /// The depths of the views beside a view at a stage.
+    fn neighbours(&self, view: &Prepared<'_>, stage: Stage) -> Result<Vec<Neighbour>, StereoError> {
+        let kept: Vec<_> =
+            view.beside.par_iter().map(|&(number, _)| self.kept(number, stage)).collect::<Result<_, _>>()?;
+        let pairs = view.beside.iter().zip(kept);
+        let known =
+            pairs.filter_map(|((_, picture), estimate)| Some(Neighbour::new(&view.picture, picture, estimate?)));
+        Ok(known.collect())
+    }
+
+    /// A view's own depth at a stage, which was made before.
+    fn own(&self, view: &PlannedView, stage: Stage) -> Result<Arc<DepthEstimate>, StereoError> {
+        let name = &self.request.frames[view.frame].name;
+        let gone = || SceneError::Request(format!("{name}: the depth made for it is gone; reconstruct again"));
+        Ok(self.kept(view.frame, stage)?.ok_or_else(gone)?)
+    }
+
+    /// A view's depth at a stage; of a run that goes on, at the next one that there is: earlier rounds of what was done
+    /// later are gone.
+    fn kept(&self, number: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, StereoError> {
+        for stage in self.since(stage) {
+            if let Some(estimate) = self.depths.load(number, stage)? {
+                return Ok(Some(estimate));
+            }
+        }
+        Ok(None)
+    }
+}
