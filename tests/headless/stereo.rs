@@ -107,8 +107,8 @@ fn stopped(session: &mut Session, stage: &str, views: usize) -> Vec<Event> {
     events
 }
 
-/// A run stopped in one stage after the other, each time going on where it was; `None` where one came to its end before it
-/// could be stopped.
+/// A run stopped in one stage after the other, each time going on where it was, the first time without a file that was
+/// damaged; `None` where one came to its end before it could be stopped.
 fn stopped_in_turn(parts: &Project) -> Option<Session> {
     let mut session = opened(parts);
     let mut first: Vec<(PathBuf, SystemTime)> = Vec::new();
@@ -124,6 +124,10 @@ fn stopped_in_turn(parts: &Project) -> Option<Session> {
         let again = first.iter().find(|(path, made)| kept.iter().any(|(other, now)| other == path && now != made));
         assert!(!kept.is_empty() && again.is_none(), "{stage}: made anew: {again:?}");
         first = kept;
+        if stage == "depth" {
+            let (damaged, _) = first.remove(0);
+            std::fs::OpenOptions::new().write(true).open(damaged).unwrap().set_len(100).unwrap();
+        }
     }
     Some(session)
 }
@@ -150,8 +154,9 @@ fn rounds(root: &str) -> Vec<(PathBuf, SystemTime)> {
     let folder = Path::new(root).join("versions/depths-1/rounds");
     let stages = (0..9).map(|round| round.to_string()).chain(["filtered".to_owned()]);
     let rounds = stages.filter_map(|stage| std::fs::read_dir(folder.join(stage)).ok());
-    let files = rounds.flatten().map(|file| file.unwrap());
-    files.map(|file| (file.path(), file.metadata().unwrap().modified().unwrap())).collect()
+    // What is being written has another ending, and may be gone at the next look.
+    let files = rounds.flatten().map(|file| file.unwrap().path()).filter(|path| path.extension().unwrap() == "tiff");
+    files.map(|path| (path.clone(), path.metadata().unwrap().modified().unwrap())).collect()
 }
 
 #[test]
@@ -182,7 +187,7 @@ fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
 }
 
 #[test]
-fn a_killed_run_goes_on_and_what_is_damaged_is_made_again() {
+fn a_killed_run_goes_on_and_comes_to_the_same() {
     let Some(data) = data_dir() else { return };
     let set = data.join("strecha_fountain_P11");
     let (whole, killed) = (project(&set, 4), project(&set, 4));
@@ -197,8 +202,6 @@ fn a_killed_run_goes_on_and_what_is_damaged_is_made_again() {
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(killed.info()["results"]["depths"].is_null(), "depths stand when they are done");
-    let (damaged, _) = &rounds(&killed.root())[0];
-    std::fs::OpenOptions::new().write(true).open(damaged).unwrap().set_len(100).unwrap();
     assert!(ostra(&args(&killed.root())).status.success());
     let (once, twice) = (depth_maps(&whole.root()), depth_maps(&killed.root()));
     assert_eq!(once.len(), 4);

@@ -63,8 +63,8 @@ pub struct StereoRequest<'a> {
 
 /// Depth of every view that can have one: PatchMatch by the pictures alone, rounds with geometric consistency, filtering,
 /// completion.
-/// Each view's result goes to `depths` as soon as it is there; what is there already is not made again. Gives what became
-/// of each view.
+/// Some views are worked on at once, by threads of their own that share rayon's pool. Each view's result goes to `depths` in
+/// its turn; what is there already and sound is not made again. Gives what became of each view.
 ///
 /// # Errors
 /// [`StereoError::Scene`] where `depths` fails, [`StereoError::Gpu`], [`StereoError::Stopped`]; what was kept until then stays.
@@ -79,10 +79,10 @@ pub fn estimate_depths(
     let mut pictures = Pictures::new(request.frames, store, coarsest, options.picture_budget_bytes);
     progress.stage("choose views")?;
     let Planned { views, mut outcomes } = plan(request, &mut pictures, &options.select, progress)?;
-    let work = Work { request, depths, options, progress };
+    let work = Work::new((request, views), depths, options, progress)?;
     let mut make = |name: &str, stage: Stage| {
         progress.stage(name)?;
-        work.make(stage, &views, &mut pictures)
+        work.make(stage, &mut pictures)
     };
     for round in 0..=options.rounds {
         make(if round == 0 { "depth" } else { "consistent depth" }, Stage::Round(round))?;
@@ -94,11 +94,6 @@ pub fn estimate_depths(
     depths.forget(Stage::Round(options.rounds))?;
     make("complete", Stage::Complete)?;
     depths.forget(Stage::Filtered)?;
-    for view in views {
-        let pixels = depths
-            .load(view.frame, Stage::Complete)?
-            .map_or(0, |kept| kept.depths.iter().filter(|&&depth| depth > 0.0).count());
-        outcomes.insert(view.frame, ViewOutcome::Done { pixels, sources: view.sources });
-    }
+    outcomes.extend(work.outcomes()?);
     Ok(outcomes)
 }

@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::outcome::ViewOutcome;
 use super::pictures::Pictures;
 use super::plan::PlannedView;
 use super::run::{StereoOptions, StereoRequest};
 use super::store::{DepthStore, Stage};
 use crate::engine::job::Progress;
+use crate::frames::FrameError;
 use crate::scene::SceneError;
 use crate::scene::stereo::filter::{Neighbour, completed, filter, snapped};
 use crate::scene::stereo::patchmatch::{Found, Picture, Round, Search};
@@ -18,16 +20,15 @@ use crate::scene::stereo::{DepthEstimate, StereoError};
 /// Most pixels of the views that are worked on at once, which bounds memory; one view may have more.
 const PIXELS_AT_ONCE: usize = 4 << 20;
 
-/// What all steps of a run look at.
+/// A run: its views, and what all steps look at.
 pub struct Work<'a> {
-    /// What is to be made.
-    pub request: &'a StereoRequest<'a>,
-    /// Where it goes.
-    pub depths: &'a dyn DepthStore,
-    /// How it is made.
-    pub options: &'a StereoOptions,
-    /// Tells how far it is.
-    pub progress: &'a Progress,
+    request: &'a StereoRequest<'a>,
+    depths: &'a dyn DepthStore,
+    options: &'a StereoOptions,
+    progress: &'a Progress,
+    views: Vec<PlannedView>,
+    /// How far an earlier run brought each view.
+    reached: Vec<Option<Stage>>,
 }
 
 /// A view with its picture and those of the views beside it.
@@ -48,18 +49,39 @@ impl<'a> Prepared<'a> {
     }
 }
 
-impl Work<'_> {
+impl<'a> Work<'a> {
+    /// Looks at what an earlier run has kept. What is damaged counts as not made.
+    ///
+    /// # Errors
+    /// What the store of depths said, [`StereoError::Stopped`].
+    pub fn new(
+        (request, views): (&'a StereoRequest<'a>, Vec<PlannedView>),
+        depths: &'a dyn DepthStore,
+        options: &'a StereoOptions,
+        progress: &'a Progress,
+    ) -> Result<Self, StereoError> {
+        progress.stage("look for what is kept")?;
+        let work = Self { request, depths, options, progress, views, reached: Vec::new() };
+        let reached = |(done, view): (usize, &PlannedView)| {
+            work.report(done)?;
+            Ok(work.reached(view.frame)?)
+        };
+        let reached = work.views.iter().enumerate().map(reached).collect::<Result<_, StereoError>>()?;
+        Ok(Self { reached, ..work })
+    }
+
     /// Makes a stage of all views that are not that far, some of them at once. Each is kept in its turn, also those that
     /// end after another has failed.
     ///
     /// # Errors
     /// The first that the store of depths or the engine said, [`StereoError::Stopped`].
-    pub fn make(&self, stage: Stage, views: &[PlannedView], pictures: &mut Pictures<'_>) -> Result<(), StereoError> {
-        let open: Vec<_> = views.par_iter().filter(|view| !self.is_made(view.frame, stage)).collect();
-        let (at_once, mut done) = (self.at_once(views), views.len() - open.len());
+    pub fn make(&self, stage: Stage, pictures: &mut Pictures<'_>) -> Result<(), StereoError> {
+        let pairs = self.views.iter().zip(&self.reached);
+        let open: Vec<_> = pairs.filter(|&(_, &reached)| reached < Some(stage)).map(|(view, _)| view).collect();
+        let (at_once, mut done) = (self.at_once(), self.views.len() - open.len());
         let mut open = open.into_iter();
         std::thread::scope(|scope| {
-            let (mut working, mut outcome) = (VecDeque::new(), self.told(done, views));
+            let (mut working, mut outcome) = (VecDeque::new(), self.report(done));
             loop {
                 while outcome.is_ok()
                     && working.len() < at_once
@@ -67,49 +89,71 @@ impl Work<'_> {
                 {
                     match Prepared::new(view, stage, pictures) {
                         Ok(prepared) => {
-                            let thread = scope.spawn(move || self.made(&prepared, stage));
+                            let thread = scope.spawn(move || self.at_stage(&prepared, stage));
                             working.push_back((view.frame, thread));
                         }
                         Err(error) => outcome = Err(error.into()),
                     }
                 }
                 let Some((frame, oldest)) = working.pop_front() else { return outcome };
-                let made = oldest.join().unwrap_or_else(|panic| resume_unwind(panic));
-                let kept = made.and_then(|made| Ok(self.depths.save(frame, stage, made)?));
+                let estimate = oldest.join().unwrap_or_else(|panic| resume_unwind(panic));
+                let kept = estimate.and_then(|estimate| Ok(self.depths.save(frame, stage, estimate)?));
                 done += usize::from(kept.is_ok());
-                outcome = outcome.and(kept).and(self.told(done, views));
+                outcome = outcome.and(kept).and(self.report(done));
             }
         })
     }
 
-    /// Tells how far a stage is, and notices a stop.
-    fn told(&self, done: usize, views: &[PlannedView]) -> Result<(), StereoError> {
-        Ok(self.progress.step(done, views.len())?)
+    /// What became of the views, once all are complete.
+    ///
+    /// # Errors
+    /// What the store of depths said, [`StereoError::Stopped`].
+    pub fn outcomes(self) -> Result<Vec<(usize, ViewOutcome)>, StereoError> {
+        let mut outcomes = Vec::new();
+        for view in &self.views {
+            self.report(outcomes.len())?;
+            let pixels = self.own(view, Stage::Complete)?.depths.iter().filter(|&&depth| depth > 0.0).count();
+            outcomes.push((view.frame, ViewOutcome::Done { pixels, sources: view.sources.clone() }));
+        }
+        Ok(outcomes)
+    }
+
+    /// Tells how many views are done, and notices a stop.
+    fn report(&self, done: usize) -> Result<(), StereoError> {
+        Ok(self.progress.step(done, self.views.len())?)
     }
 
     /// As many views as keep the engine busy and memory holds.
-    fn at_once(&self, views: &[PlannedView]) -> usize {
+    fn at_once(&self) -> usize {
         let pixels = |view: &PlannedView| {
             let (lens, _) = self.request.frames[view.frame].posed_camera()?;
             let raster = raster_camera(lens, self.options.max_side);
             Some(raster.width as usize * raster.height as usize)
         };
-        let largest = views.iter().filter_map(pixels).max().unwrap_or(1);
+        let largest = self.views.iter().filter_map(pixels).max().unwrap_or(1);
         (PIXELS_AT_ONCE / largest).clamp(1, self.request.engine.views_at_once())
     }
 
-    /// Whether a view is that far. What is damaged is made again.
-    fn is_made(&self, frame: usize, stage: Stage) -> bool {
-        self.since(stage).any(|stage| matches!(self.depths.load(frame, stage), Ok(Some(_))))
+    /// The last stage at which a view's depth is kept and sound.
+    fn reached(&self, frame: usize) -> Result<Option<Stage>, SceneError> {
+        for stage in self.since(Stage::Round(0)).rev() {
+            match self.depths.load(frame, stage) {
+                Ok(None) | Err(SceneError::Frame(FrameError::Invalid { .. })) => {}
+                Ok(Some(_)) => return Ok(Some(stage)),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(None)
     }
 
     /// A stage and those after it.
-    fn since(&self, stage: Stage) -> impl Iterator<Item = Stage> {
+    fn since(&self, stage: Stage) -> impl DoubleEndedIterator<Item = Stage> {
         let rounds = (0..=self.options.rounds).map(Stage::Round);
         rounds.chain([Stage::Filtered, Stage::Complete]).filter(move |&other| other >= stage)
     }
 
-    fn made(&self, view: &Prepared<'_>, stage: Stage) -> Result<DepthEstimate, StereoError> {
+    /// A view's depth at a stage, from what was made before.
+    fn at_stage(&self, view: &Prepared<'_>, stage: Stage) -> Result<DepthEstimate, StereoError> {
         match stage {
             Stage::Round(round) => self.searched(view, round),
             Stage::Filtered => self.filtered(view),

@@ -1,30 +1,55 @@
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::Duration;
 
 use super::wall::{frame, grey, pose, sparse};
 use crate::engine::job::Progress;
-use crate::frames::{Frame, FrameStore};
+use crate::frames::{Frame, FrameError, FrameStore};
+use crate::geometry::Camera;
 use crate::scene::SceneError;
 use crate::scene::stereo::{
-    DepthEstimate, DepthStore, Engine, MemoryDepths, Stage, StereoError, StereoOptions, StereoRequest, estimate_depths,
+    DepthEstimate, DepthStore, Engine, MemoryDepths, RasterMask, Stage, StereoError, StereoOptions, StereoRequest,
+    estimate_depths,
 };
 
 /// Notes what is made, and asks for a stop after so many.
+#[derive(Default)]
 struct Noted {
     depths: MemoryDepths,
     made: Mutex<Vec<(usize, Stage)>>,
     stop_after: usize,
     progress: Progress,
+    /// What cannot be read until it is made again.
+    damaged: Mutex<Option<(usize, Stage)>>,
 }
 
 impl Noted {
-    fn going_on(self, stop_after: usize) -> Self {
-        Self { made: Mutex::default(), stop_after, progress: Progress::default(), ..self }
+    fn stopping_after(stop_after: usize) -> Self {
+        Self { stop_after, ..Self::default() }
+    }
+
+    /// With what was kept so far.
+    fn going_on(self) -> Self {
+        Self { depths: self.depths, damaged: self.damaged, ..Self::default() }
+    }
+
+    fn made(&self) -> Vec<(usize, Stage)> {
+        self.made.lock().unwrap().clone()
+    }
+
+    fn complete(&self) -> Vec<Arc<DepthEstimate>> {
+        (0..3).map(|frame| self.load(frame, Stage::Complete).unwrap().unwrap()).collect()
     }
 }
 
 impl DepthStore for Noted {
     fn load(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError> {
-        self.depths.load(frame, stage)
+        match (*self.damaged.lock().unwrap() == Some((frame, stage)), stage) {
+            (true, Stage::Complete) => {
+                Err(FrameError::Invalid { path: "depth".into(), what: "is damaged".into() }.into())
+            }
+            (true, _) => Ok(None),
+            (false, _) => self.depths.load(frame, stage),
+        }
     }
 
     fn save(&self, frame: usize, stage: Stage, estimate: DepthEstimate) -> Result<(), SceneError> {
@@ -33,6 +58,7 @@ impl DepthStore for Noted {
         if made.len() == self.stop_after {
             self.progress.stop();
         }
+        self.damaged.lock().unwrap().take_if(|damaged| *damaged == (frame, stage));
         self.depths.save(frame, stage, estimate)
     }
 
@@ -41,53 +67,117 @@ impl DepthStore for Noted {
     }
 }
 
+/// Three pictures of the wall.
+struct Wall {
+    _folder: tempfile::TempDir,
+    frames: Vec<Frame>,
+}
+
+impl Wall {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let frames = (0..3).map(|index| frame(folder.path(), index, &grey(&pose(index)))).collect();
+        Self { _folder: folder, frames }
+    }
+
+    /// Runs stereo where rayon has so many threads, which is how many views are worked on at once.
+    fn run(&self, at_once: usize, noted: &Noted) -> Result<(), StereoError> {
+        self.run_with(at_once, noted, &|_, _| None)
+    }
+
+    fn run_with(&self, at_once: usize, noted: &Noted, mask: RasterMask<'_>) -> Result<(), StereoError> {
+        let sparse = sparse(&[0, 1, 2]);
+        let request =
+            StereoRequest { frames: &self.frames, views: &[0, 1, 2], sparse: &sparse, mask, engine: &Engine::Cpu };
+        let options = StereoOptions { max_side: 80, rounds: 2, ..StereoOptions::default() };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(at_once).build().unwrap();
+        let run = || estimate_depths(&request, &FrameStore::new(1 << 20), noted, &options, &noted.progress);
+        pool.install(run).map(|_| ())
+    }
+}
+
 /// Wherever a run is stopped, the one after it makes what is left and nothing twice, and comes to the same, however many
 /// views each of them works on at once.
 #[test]
 fn a_run_goes_on_where_the_one_before_was_stopped() {
-    let [one_by_one, at_once, _] = [(1, 1), (3, 3), (3, 1)].map(|threads| stopped_everywhere(threads.0, threads.1));
-    assert!(one_by_one == at_once, "views at once come to the same");
-}
-
-/// The depths of three views, made in runs that are stopped and gone on with, which work on so many views at once.
-fn stopped_everywhere(stopped_at_once: usize, then_at_once: usize) -> Vec<Arc<DepthEstimate>> {
-    let folder = tempfile::tempdir().unwrap();
-    let frames: Vec<Frame> = (0..3).map(|index| frame(folder.path(), index, &grey(&pose(index)))).collect();
-    let sparse = sparse(&[0, 1, 2]);
-    let request =
-        StereoRequest { frames: &frames, views: &[0, 1, 2], sparse: &sparse, mask: &|_, _| None, engine: &Engine::Cpu };
-    let options = StereoOptions { max_side: 80, rounds: 2, ..StereoOptions::default() };
-    let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    let (stopped, then) = (pool(stopped_at_once), pool(then_at_once));
-    let run = |pool: &rayon::ThreadPool, noted: &Noted| {
-        pool.install(|| estimate_depths(&request, &FrameStore::new(1 << 20), noted, &options, &noted.progress))
-    };
-    let new = |stop_after| Noted {
-        depths: MemoryDepths::default(),
-        made: Mutex::default(),
-        stop_after,
-        progress: Progress::default(),
-    };
-    let whole = new(0);
-    run(&stopped, &whole).unwrap();
-    let all = whole.made.lock().unwrap().clone();
+    let wall = Wall::new();
+    let whole = Noted::default();
+    wall.run(1, &whole).unwrap();
+    let all = whole.made();
     assert_eq!(all.len(), 15, "three views, three rounds, the filter and what others see");
-    for stop_after in 1..=all.len() {
-        let first = new(stop_after);
-        let outcome = run(&stopped, &first);
-        assert!(matches!(outcome, Err(StereoError::Stopped(_) | StereoError::Scene(SceneError::Stopped(_)))));
-        let kept = first.made.lock().unwrap().clone();
-        // What was still worked on may have come to its end.
-        assert!((stop_after..stop_after + stopped_at_once).contains(&kept.len()), "{kept:?} after {stop_after}");
-        let second = first.going_on(0);
-        run(&then, &second).unwrap();
-        let mut both = [kept, second.made.lock().unwrap().clone()].concat();
-        both.sort_by_key(|&(frame, stage)| (stage, frame));
-        assert_eq!(both, all, "after {stop_after}");
-        for frame in 0..3 {
-            let [once, twice] = [&whole, &second].map(|noted| noted.load(frame, Stage::Complete).unwrap().unwrap());
-            assert!(once == twice, "frame {frame} after a stop at {stop_after}");
+    let searches = all.iter().filter(|(_, stage)| matches!(stage, Stage::Round(_))).count();
+    for (first_at_once, then_at_once) in [(1, 1), (3, 3), (3, 1), (1, 3)] {
+        for stop_after in 1..=all.len() {
+            let first = Noted::stopping_after(stop_after);
+            let outcome = wall.run(first_at_once, &first);
+            assert!(matches!(outcome, Err(StereoError::Stopped(_) | StereoError::Scene(SceneError::Stopped(_)))));
+            let kept = first.made();
+            // A search that is under way may stop or end; what comes after the searches ends.
+            let most = stop_after.next_multiple_of(first_at_once);
+            let least = if stop_after > searches { most } else { stop_after };
+            assert!((least..=most).contains(&kept.len()), "{kept:?} after {stop_after}");
+            let second = first.going_on();
+            wall.run(then_at_once, &second).unwrap();
+            let mut both = [kept, second.made()].concat();
+            both.sort_by_key(|&(frame, stage)| (stage, frame));
+            assert_eq!(both, all, "after {stop_after}");
+            assert!(second.complete() == whole.complete(), "after a stop at {stop_after}");
         }
     }
-    (0..3).map(|frame| whole.load(frame, Stage::Complete).unwrap().unwrap()).collect()
+}
+
+/// Damaged is what was made last before a stop, or at the end of a whole run, where what it was made of is gone.
+#[test]
+fn what_is_damaged_is_made_again() {
+    let wall = Wall::new();
+    let whole = Noted::default();
+    wall.run(1, &whole).unwrap();
+    let again = |stages: &[Stage]| -> Vec<(usize, Stage)> { stages.iter().map(|&stage| (2, stage)).collect() };
+    let ends = [Stage::Filtered, Stage::Complete];
+    let all = [Stage::Round(0), Stage::Round(1), Stage::Round(2), Stage::Filtered, Stage::Complete];
+    for (stop_after, damaged, of_it) in [
+        (3, Stage::Round(0), again(&all)),
+        (9, Stage::Round(2), again(&all[2..])),
+        (12, Stage::Filtered, again(&ends)),
+        (15, Stage::Complete, again(&ends[1..])),
+        (0, Stage::Complete, again(&all)),
+    ] {
+        let first = Noted::stopping_after(stop_after);
+        assert_eq!(wall.run(1, &first).is_ok(), stop_after == 0);
+        let second = first.going_on();
+        *second.damaged.lock().unwrap() = Some((2, damaged));
+        wall.run(1, &second).unwrap();
+        let made: Vec<_> = second.made().into_iter().filter(|&(frame, _)| frame == 2).collect();
+        assert_eq!(made, of_it, "after {stop_after}");
+        let is_near = |(once, twice): (&f32, &f32)| *twice > 0.0 && (once / twice - 1.0).abs() < 0.01;
+        for (once, twice) in whole.complete().iter().zip(&second.complete()) {
+            let known = once.depths.iter().zip(&twice.depths).filter(|(once, _)| **once > 0.0);
+            let (near, known) = (known.clone().filter(|&pair| is_near(pair)).count(), known.count());
+            assert!(known > 2000 && near * 20 > known * 19, "{near} of {known} after {stop_after}");
+        }
+    }
+}
+
+/// Views wait for each other in the mask that each asks for, as long as fewer than so many are there.
+#[test]
+fn as_many_views_are_worked_on_at_once_as_there_are_threads() {
+    let wall = Wall::new();
+    for at_once in [1, 2, 3] {
+        let (within, most) = (Mutex::new(0), Mutex::new(0));
+        let came = Condvar::new();
+        let mask = |_: usize, _: &Camera| {
+            let mut inside = within.lock().unwrap();
+            *inside += 1;
+            let mut seen = most.lock().unwrap();
+            *seen = (*seen).max(*inside);
+            drop(seen);
+            came.notify_all();
+            let soon = Duration::from_millis(200);
+            let (mut inside, _) = came.wait_timeout_while(inside, soon, |_| *most.lock().unwrap() < at_once).unwrap();
+            *inside -= 1;
+            None
+        };
+        wall.run_with(at_once, &Noted::default(), &mask).unwrap();
+        assert_eq!(*most.lock().unwrap(), at_once);
+    }
 }
