@@ -110,8 +110,9 @@ fn stopped(session: &mut Session, stage: &str, views: usize) -> Vec<Event> {
 /// A run stopped in one stage after the other, each time going on where it was, the first time without a file that was
 /// damaged; `None` where one came to its end before it could be stopped.
 fn stopped_in_turn(parts: &Project) -> Option<Session> {
+    const DAMAGED_BYTES: u64 = 100;
     let mut session = opened(parts);
-    let mut first: Vec<(PathBuf, SystemTime)> = Vec::new();
+    let (mut first, mut damaged): (Vec<(PathBuf, SystemTime)>, Option<PathBuf>) = (Vec::new(), None);
     for (stage, views) in [("depth", 2), ("consistent depth", 1), ("complete", 1)] {
         let events = stopped(&mut session, stage, views);
         if !events.iter().any(|event| matches!(event, Event::Stopped { .. })) {
@@ -121,12 +122,21 @@ fn stopped_in_turn(parts: &Project) -> Option<Session> {
         let frames = &session.project().unwrap().frames;
         assert!(frames.iter().all(|frame| frame.depth.is_none()), "depths stand when they are done");
         let kept = rounds(&parts.root());
+        let is_later = |(path, _): &(PathBuf, SystemTime)| !path.parent().unwrap().ends_with("rounds/0");
+        if kept.is_empty() || stage == "depth" && kept.iter().any(is_later) {
+            println!("{stage}: stopped too late");
+            return None;
+        }
         let again = first.iter().find(|(path, made)| kept.iter().any(|(other, now)| other == path && now != made));
-        assert!(!kept.is_empty() && again.is_none(), "{stage}: made anew: {again:?}");
+        assert!(again.is_none(), "{stage}: made anew: {again:?}");
         first = kept;
         if stage == "depth" {
-            let (damaged, _) = first.remove(0);
-            std::fs::OpenOptions::new().write(true).open(damaged).unwrap().set_len(100).unwrap();
+            let (path, _) = first.remove(0);
+            std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(DAMAGED_BYTES).unwrap();
+            damaged = Some(path);
+        } else {
+            let is_damaged = |path: &PathBuf| path.metadata().is_ok_and(|now| now.len() == DAMAGED_BYTES);
+            assert!(!damaged.as_ref().is_some_and(is_damaged), "{stage}: left as it was: {damaged:?}");
         }
     }
     Some(session)

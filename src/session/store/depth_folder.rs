@@ -116,8 +116,6 @@ impl DepthStore for DepthFolder {
         let MadeDepth { camera, depth, normals, confidence } = match MadeDepth::read(&self.path(frame, stage)) {
             Ok(made) => made,
             Err(FrameError::Missing { .. }) => return Ok(None),
-            // What is there to go on with is made again.
-            Err(FrameError::Invalid { .. }) if stage != Stage::Complete => return Ok(None),
             Err(error) => return Err(error.into()),
         };
         let depths = depth.depths.iter().map(|depth| self.scale * depth).collect();

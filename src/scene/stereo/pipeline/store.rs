@@ -20,7 +20,8 @@ pub trait DepthStore: Sync {
     /// The depth of a frame at a stage; `None` when it is not there.
     ///
     /// # Errors
-    /// [`SceneError`] when it cannot be read.
+    /// [`SceneError`] when it cannot be read; [`crate::frames::FrameError::Invalid`] within it when it is damaged, for which
+    /// it is made again.
     fn load(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError>;
 
     /// Keeps the depth of a frame at a stage.

@@ -91,6 +91,7 @@ impl<'a> Work<'a> {
                         Ok(prepared) => {
                             let thread = scope.spawn(move || self.at_stage(&prepared, stage));
                             working.push_back((view.frame, thread));
+                            outcome = self.report(done);
                         }
                         Err(error) => outcome = Err(error.into()),
                     }
@@ -109,6 +110,7 @@ impl<'a> Work<'a> {
     /// # Errors
     /// What the store of depths said, [`StereoError::Stopped`].
     pub fn outcomes(self) -> Result<Vec<(usize, ViewOutcome)>, StereoError> {
+        self.progress.stage("count pixels")?;
         let mut outcomes = Vec::new();
         for view in &self.views {
             self.report(outcomes.len())?;
@@ -131,19 +133,25 @@ impl<'a> Work<'a> {
             Some(raster.width as usize * raster.height as usize)
         };
         let largest = self.views.iter().filter_map(pixels).max().unwrap_or(1);
-        (PIXELS_AT_ONCE / largest).clamp(1, self.request.engine.views_at_once())
+        at_once(largest, self.request.engine.views_at_once())
     }
 
     /// The last stage at which a view's depth is kept and sound.
     fn reached(&self, frame: usize) -> Result<Option<Stage>, SceneError> {
         for stage in self.since(Stage::Round(0)).rev() {
-            match self.depths.load(frame, stage) {
-                Ok(None) | Err(SceneError::Frame(FrameError::Invalid { .. })) => {}
-                Ok(Some(_)) => return Ok(Some(stage)),
-                Err(error) => return Err(error),
+            if self.sound(frame, stage)?.is_some() {
+                return Ok(Some(stage));
             }
         }
         Ok(None)
+    }
+
+    /// A view's depth at a stage; `None` where it is not there or damaged.
+    fn sound(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError> {
+        match self.depths.load(frame, stage) {
+            Err(SceneError::Frame(FrameError::Invalid { .. })) => Ok(None),
+            loaded => loaded,
+        }
     }
 
     /// A stage and those after it.
@@ -230,10 +238,26 @@ impl<'a> Work<'a> {
     /// later are gone.
     fn kept(&self, number: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, StereoError> {
         for stage in self.since(stage) {
-            if let Some(estimate) = self.depths.load(number, stage)? {
+            if let Some(estimate) = self.sound(number, stage)? {
                 return Ok(Some(estimate));
             }
         }
         Ok(None)
+    }
+}
+
+/// How many views of at most so many pixels are worked on at once where as many as `most` would keep the engine busy.
+fn at_once(pixels: usize, most: usize) -> usize {
+    (PIXELS_AT_ONCE / pixels).clamp(1, most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::at_once;
+
+    #[test]
+    fn large_views_are_worked_on_one_by_one() {
+        assert_eq!([640 * 480, 1600 * 1067, 3200 * 2400].map(|pixels| at_once(pixels, 4)), [4, 2, 1]);
+        assert_eq!(at_once(640 * 480, 2), 2);
     }
 }
