@@ -63,8 +63,8 @@ pub struct StereoRequest<'a> {
 
 /// Depth of every view that can have one: PatchMatch by the pictures alone, rounds with geometric consistency, filtering,
 /// completion.
-/// Some views are worked on at once, by threads of their own that share rayon's global pool. Each view's result goes to `depths` in
-/// its turn; what is there already and sound is not made again. Gives what became of each view.
+/// Some views are worked on at once, by threads of their own that share rayon's global pool. Each view's result goes to
+/// `depths` in its turn; what is there already and sound is not made again. Gives what became of each view.
 ///
 /// # Errors
 /// [`StereoError::Scene`] where `depths` fails, [`StereoError::Gpu`], [`StereoError::Stopped`]; what was kept until then stays.
