@@ -1,9 +1,13 @@
 use std::fs::{File, OpenOptions, TryLockError};
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
 
 use super::durable;
+
+/// A program that is killed while it starts another (ffmpeg) leaves it the lock for an instant: so long is waited.
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Keeps a second writer out of a project's folder until it is dropped (or the process ends).
 #[derive(Debug)]
@@ -15,14 +19,14 @@ impl Lock {
     /// Takes the lock of the folder `root`.
     ///
     /// # Errors
-    /// When another holds it, or the folder cannot be written.
+    /// When another holds it (for a second at least), or the folder cannot be written.
     pub fn take(root: &Path) -> Result<Self> {
         let path = root.join(".lock");
         let file = OpenOptions::new().create(true).truncate(false).write(true).open(&path);
         let file = file.and_then(|file| check_writable(root).map(|()| file)).with_context(|| {
             format!("{}: cannot be written; a project needs a folder with write access", root.display())
         })?;
-        match file.try_lock() {
+        match try_patiently(&file) {
             Ok(()) => Ok(Self { file }),
             Err(TryLockError::WouldBlock) => {
                 bail!("{}: is open in another window or command; close it there first", root.display())
@@ -30,6 +34,18 @@ impl Lock {
             Err(TryLockError::Error(error)) => {
                 Err(anyhow!(error).context(format!("{}: cannot be locked; move it to a local disk", root.display())))
             }
+        }
+    }
+}
+
+fn try_patiently(file: &File) -> Result<(), TryLockError> {
+    let begun = Instant::now();
+    loop {
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) if begun.elapsed() < PATIENCE => {
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            answer => return answer,
         }
     }
 }
@@ -62,5 +78,17 @@ mod tests {
         drop(lock);
         Lock::take(dir.path()).unwrap();
         drop(inherited);
+    }
+
+    #[test]
+    fn what_a_killed_program_was_starting_holds_the_lock_for_an_instant_only() {
+        let dir = tempfile::tempdir().unwrap();
+        let held = Lock::take(dir.path()).unwrap();
+        std::thread::scope(|scope| {
+            let next = scope.spawn(|| Lock::take(dir.path()).map(drop));
+            std::thread::sleep(PATIENCE / 4);
+            drop(held);
+            next.join().unwrap().unwrap();
+        });
     }
 }
