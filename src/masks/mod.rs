@@ -49,7 +49,7 @@ pub use merge::{WalkedFrame, merged};
 pub use outline::{Outline, outlines, simplified_ring};
 pub use prompt::{Click, Prompt, PxBox};
 pub use region::Region;
-pub use robot::{LabelClick, WrongPart, next_click, next_label_click, wrong_part};
+pub use robot::{LabelClick, next_click, next_label_click};
 pub use runs::{Extent, RunMask};
 pub use score::{FramePair, FrameScore, LabelScore, MaskScore, ScoreOptions, boundary_f, score_masks, score_pairs};
 pub use seam::{

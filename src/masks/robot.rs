@@ -43,30 +43,6 @@ pub struct LabelClick {
 /// When the two masks differ in size.
 #[must_use]
 pub fn next_label_click(truth: &LabelMask, current: &LabelMask, open: &[LabelId]) -> Option<LabelClick> {
-    let WrongPart { label, include, pixels, area } = wrong_part(truth, current, open)?;
-    let click = click_in(&Part { pixels, area }, include)?;
-    Some(LabelClick { label, click, wrong_px: area })
-}
-
-/// Connected pixels where a mask is wrong about a label.
-#[derive(Debug, Clone, PartialEq)]
-pub struct WrongPart {
-    /// The label.
-    pub label: LabelId,
-    /// Whether it is missed there, or was taken wrongly.
-    pub include: bool,
-    /// All of them.
-    pub pixels: Region,
-    /// How many they are.
-    pub area: usize,
-}
-
-/// The largest component that [`next_label_click`] clicks into; `None` when nothing is wrong.
-///
-/// # Panics
-/// When the two masks differ in size.
-#[must_use]
-pub fn wrong_part(truth: &LabelMask, current: &LabelMask, open: &[LabelId]) -> Option<WrongPart> {
     assert!(truth.width == current.width && truth.height == current.height, "truth and answer are of one frame");
     let wrong = |is_wrong: &dyn Fn(LabelId, LabelId) -> bool| {
         let pairs = truth.ids.iter().zip(&current.ids);
@@ -83,8 +59,8 @@ pub fn wrong_part(truth: &LabelMask, current: &LabelMask, open: &[LabelId]) -> O
             }
         }
     }
-    let (label, include, Part { pixels, area }) = largest?;
-    Some(WrongPart { label, include, pixels, area })
+    let (label, include, part) = largest?;
+    Some(LabelClick { label, click: click_in(&part, include)?, wrong_px: part.area })
 }
 
 /// A connected part of a region.

@@ -68,13 +68,14 @@ fn the_first_true_mask_is_carried_through_seven_films() {
     assert!(j >= 0.61 && f >= 0.62, "J {j:.3}, F {f:.3}; flow alone reaches 0.42 and 0.41");
 }
 
-/// A running dog whose tail, ears and legs are a few pixels wide; with motion at half size J was 0.818 here.
+/// A running dog whose tail, ears and legs are a few pixels wide; with motion at half size J was 0.818 here, without votes of
+/// both neighbours 0.865.
 #[test]
 fn thin_parts_are_kept_between_anchors() {
     let Some(data) = data_dir() else { return };
     let (j, f) = scores(&FlowTracker::default(), &data, "libby", 4);
     println!("libby, true masks on every fourth frame: J {j:.3}, F {f:.3}");
-    assert!(j >= 0.845 && f >= 0.925, "J {j:.3}, F {f:.3}");
+    assert!(j >= 0.875 && f >= 0.93, "J {j:.3}, F {f:.3}");
 }
 
 /// Over all seven films the mean J grows by 0.022 and F by 0.028 (`cargo bench --bench flow -- --memory`).

@@ -28,7 +28,8 @@ pub fn moving_apart(picture: &Image, other: &Image, mask: &LabelMask, options: &
     }
     let size = working_size(mask.width, mask.height, options.most_side);
     let known = explained(&reduced_mask(mask, size));
-    let mut change = Change::new(&Picture::new(other, size), Arc::new(Picture::new(picture, size)), Finest::Half);
+    let mut change =
+        Change::new(Arc::new(Picture::new(other, size)), Arc::new(Picture::new(picture, size)), Finest::Half);
     change.find_background(&[&Plane::of_mask(size.0, size.1, &known.inside)]);
     let Some(background) = change.background else { return Vec::new() };
     let least = LEAST_PX.max(LEAST_NOISES * change.background_noise);

@@ -5,7 +5,8 @@ use super::memory::Recalled;
 use super::object::{Object, Prediction};
 use super::options::FlowOptions;
 use super::plane::Plane;
-use super::walk::Change;
+use super::votes::{Source, Vote, Way, votes};
+use super::walk::{Beyond, Change};
 use crate::masks::{Region, squared_distance_to};
 
 /// The expected shape is where the expectation is above this.
@@ -18,6 +19,9 @@ const MOST_MOTION: f32 = 1.5;
 /// Spread of motion around the object's and the background's, in pixels, besides what is measured.
 const OBJECT_SPREAD_PX: f32 = 0.7;
 const BACKGROUND_SPREAD_PX: f32 = 0.5;
+/// How far from where flow or the object's motion puts them patches that are alike are looked for, in pixels.
+const FLOW_REACH: usize = 3;
+const OBJECT_REACH: usize = 4;
 /// Share of pixels whose motion is neither's.
 const STRAY: f32 = 0.05;
 
@@ -30,11 +34,18 @@ pub(super) struct Evidence {
     pub motion: Vec<f32>,
 }
 
-/// Sums up what flow, place, colours, motion and the memory say.
+/// What is seen of the next frame and around it.
+pub(super) struct Sight<'a> {
+    pub change: &'a Change,
+    pub beyond: Option<&'a Beyond<'a>>,
+    pub recalled: Option<&'a Recalled>,
+}
+
+/// Sums up what flow, place, colours, motion and the memory say, and the patches of both neighbouring frames.
 pub(super) fn evidence(
     object: &Object,
     prediction: &Prediction,
-    (change, recalled): (&Change, Option<&Recalled>),
+    &Sight { change, beyond, recalled }: &Sight<'_>,
     options: &FlowOptions,
 ) -> Evidence {
     let (width, height) = (change.next.width, change.next.height);
@@ -57,7 +68,8 @@ pub(super) fn evidence(
         .collect();
     let shape_weight = options.shape_weight * object.nearness();
     let memory = recalled.map(|recalled| recalled.odds(object.id));
-    let odds = window.places(width).zip(distances).zip(&motion).map(|((at, distance), motion)| {
+    let votes = beyond.and_then(|beyond| votes_of_both(object, prediction, (change, beyond), window));
+    let odds = window.places(width).enumerate().zip(distances).zip(&motion).map(|(((nth, at), distance), motion)| {
         if distance > reach {
             return NEVER;
         }
@@ -73,12 +85,45 @@ pub(super) fn evidence(
             + options.first_color_weight * first[bin]
             + options.last_color_weight * last[bin]
             + options.motion_weight * motion
+            + votes.as_ref().map_or(0.0, |votes| options.vote_weight * votes[nth].odds())
             + memory
                 .as_ref()
                 .map_or(0.0, |odds| options.memory_weight * odds(Vec2::new((at % width) as f32, (at / width) as f32)))
     });
     let odds = odds.collect();
     Evidence { window, odds, motion }
+}
+
+/// What the patches of the last frame and of the one beyond say: of where flow comes from, and of where the object does if
+/// it goes on as it moves now. `None` where the frame beyond does not show the object: nobody may have looked for it there.
+fn votes_of_both(
+    object: &Object,
+    prediction: &Prediction,
+    (change, beyond): (&Change, &Beyond<'_>),
+    window: Window,
+) -> Option<Vec<Vote>> {
+    let there = beyond.mask.region(object.id);
+    if there.is_empty() {
+        return None;
+    }
+    let own = Plane::of_mask(change.next.width, change.next.height, &object.mask().inside);
+    let share_beyond = Plane::of_mask(change.next.width, change.next.height, &there.inside);
+    let last =
+        |way, reach| Source { picture: &change.last, share: &own, way, reach, weight: 2.0 * (1.0 - beyond.share) };
+    let next = |way, reach| Source {
+        picture: &beyond.change.next,
+        share: &share_beyond,
+        way,
+        reach,
+        weight: 2.0 * beyond.share,
+    };
+    let sources = [
+        last(Way::Flow(&change.backward), FLOW_REACH),
+        last(Way::Motion(prediction.motion.inverse()), OBJECT_REACH),
+        next(Way::Flow(&beyond.change.forward), FLOW_REACH),
+        next(Way::Motion(prediction.motion), OBJECT_REACH),
+    ];
+    Some(votes(&change.next, window, &sources))
 }
 
 /// The pixels within reach of the expected shape; `None` when nothing is expected.

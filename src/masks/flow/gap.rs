@@ -16,6 +16,20 @@ impl Gap {
     pub fn steps(&self) -> usize {
         self.before.map_or(0, |anchor| self.to - anchor) + self.after.map_or(0, |anchor| anchor - self.from)
     }
+
+    /// How near the anchor before a frame is, from 1 at it to 0 at the anchor after; `None` where one of them is missing.
+    pub fn nearness(&self, frame: usize) -> Option<f32> {
+        let (before, after) = self.before.zip(self.after)?;
+        Some((after as f32 - frame as f32) / (after - before) as f32)
+    }
+
+    /// How much the mask of the frame `beyond`, which comes from one anchor, counts beside that of `own`, which comes from the
+    /// other, 0–1: as each is near its anchor.
+    pub fn share_beyond(&self, beyond: usize, own: usize) -> Option<f32> {
+        let (of_beyond, of_own) = (self.nearness(beyond)?, self.nearness(own)?);
+        let (beyond, own) = if beyond < own { (of_beyond, 1.0 - of_own) } else { (1.0 - of_beyond, of_own) };
+        Some(beyond / (beyond + own))
+    }
 }
 
 /// The gaps of a request that masks can be carried into, in order.
@@ -33,4 +47,21 @@ pub(super) fn gaps(request: &TrackRequest) -> Vec<Gap> {
         }
     }
     gaps
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_two_frames_the_one_nearer_to_its_anchor_counts_more() {
+        let gap = Gap { from: 11, to: 17, before: Some(10), after: Some(18) };
+        assert_eq!([10, 14, 18].map(|frame| gap.nearness(frame)), [Some(1.0), Some(0.5), Some(0.0)]);
+        assert_eq!(gap.share_beyond(10, 12), Some(0.8));
+        assert_eq!(gap.share_beyond(13, 15), Some(0.5));
+        assert_eq!(gap.share_beyond(18, 16), Some(0.8));
+        let one_frame = Gap { from: 11, to: 11, before: Some(10), after: Some(12) };
+        assert_eq!([one_frame.share_beyond(10, 12), one_frame.share_beyond(12, 10)], [Some(0.5); 2]);
+        assert_eq!(Gap { after: None, ..gap }.share_beyond(13, 15), None);
+    }
 }

@@ -27,6 +27,7 @@ mod sampling;
 mod tests;
 mod tracker;
 mod variational;
+mod votes;
 mod walk;
 
 pub use apart::moving_apart;

@@ -23,6 +23,8 @@ pub struct FlowOptions {
     pub motion_weight: f32,
     /// Weight of what the cells of the anchors that look most alike show, where pictures are described.
     pub memory_weight: f32,
+    /// Weight of what patches of both neighbouring frames show that look alike, between two anchors.
+    pub vote_weight: f32,
     /// Price of the outline per pixel side on even colour.
     pub outline_weight: f32,
     /// Share of the expected shape that stays from one frame to the next where the mask shows nothing, 0–1.
@@ -51,6 +53,7 @@ impl Default for FlowOptions {
             color_rate: 0.1,
             motion_weight: 0.5,
             memory_weight: 0.5,
+            vote_weight: 3.0,
             outline_weight: 2.0,
             memory: 0.94,
             reach: 0.35,

@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::dis::Finest;
@@ -6,7 +7,7 @@ use super::memory::Describer;
 use super::options::FlowOptions;
 use super::picture::{Picture, enlarged_mask, reduced_mask, working_size};
 use super::pictures::{Pictures, Route};
-use super::walk::{Change, Walk};
+use super::walk::{Beyond, Change, Walk};
 use crate::engine::job::Progress;
 use crate::masks::{LabelId, LabelMask, MaskError, RunMask, TrackRequest, TrackedFrame, Tracker, WalkedFrame, merged};
 
@@ -64,87 +65,115 @@ struct Run<'a> {
     answered: bool,
 }
 
-/// A frame of the walk from the anchor before, kept until the walk from the anchor after reaches it.
+/// How many times as near the second walk counts as being where two walks meet, since it has seen what the first found; weights
+/// go by the square.
+const SECOND: f32 = 3.0;
+
+/// A frame of the walk from the anchor before, kept for the walk from the anchor after.
 struct Kept {
     runs: RunMask,
-    confidence: std::collections::BTreeMap<LabelId, f32>,
+    confidence: BTreeMap<LabelId, f32>,
+}
+
+impl Kept {
+    fn new(walked: WalkedFrame) -> Self {
+        Self { runs: RunMask::encode(&walked.mask), confidence: walked.confidence }
+    }
+
+    /// Between this and what the second walk says, as far from the anchor after as `nearness` tells, 1 at the anchor before.
+    fn met_by(&self, second: &WalkedFrame, nearness: f32) -> WalkedFrame {
+        let first = WalkedFrame { mask: self.runs.decode(), confidence: self.confidence.clone() };
+        merged(&first, second, nearness / (nearness + SECOND * (1.0 - nearness)))
+    }
 }
 
 impl Run<'_> {
     /// Walks through a gap from both of its ends. What the first walk finds is handed on at once, and again when the
-    /// second has met it. Between anchors, where few frames are corrected and each shall be right, pictures are larger and flow is
-    /// measured finely.
+    /// second has met it. Between anchors, where few frames are corrected and each shall be right, pictures are larger, flow is
+    /// measured finely, and where the frame ahead has a mask, the walk heeds it, too.
     fn fill(&mut self, gap: &Gap) -> Result<(), MaskError> {
         let Some(any) = gap.before.or(gap.after) else { return Ok(()) };
-        let of = &self.request.frames[any];
+        let request = self.request;
+        let of = &request.frames[any];
         let (most_side, finest) = if gap.before.and(gap.after).is_some() {
             (self.options.most_side_between, Finest::Full)
         } else {
             (self.options.most_side, Finest::Half)
         };
-        let scale = (working_size(of.width, of.height, most_side), finest);
-        let mut kept: Vec<Option<Kept>> = Vec::new();
+        let size = working_size(of.width, of.height, most_side);
+        let anchor_mask = |frame: usize| reduced_mask(&request.anchors[&frame], size);
+        let mut kept: BTreeMap<usize, Kept> = BTreeMap::new();
         if let Some(anchor) = gap.before {
-            kept.resize_with(gap.to - gap.from + 1, || None);
-            self.walk(anchor, gap.after, gap.to, scale, &mut |run, frame, walked| {
+            let known = |frame: usize| (Some(frame) == gap.after).then(|| anchor_mask(frame));
+            self.walk((anchor, gap), (size, finest), &known, &mut |run, frame, walked| {
                 if frame >= gap.from {
                     run.hand_on(frame, &walked, gap.after.is_some());
-                    if gap.after.is_none() {
-                        return;
-                    }
-                    let runs = RunMask::encode(&walked.mask);
-                    kept[frame - gap.from] = Some(Kept { runs, confidence: walked.confidence });
+                }
+                if gap.after.is_some() {
+                    kept.insert(frame, Kept::new(walked));
                 }
             })?;
         }
         if let Some(anchor) = gap.after {
-            self.walk(anchor, gap.before, gap.from, scale, &mut |run, frame, walked| {
+            let known = |frame: usize| match gap.before {
+                Some(before) if before == frame => Some(anchor_mask(frame)),
+                _ => kept.get(&frame).map(|first| first.runs.decode()),
+            };
+            self.walk((anchor, gap), (size, finest), &known, &mut |run, frame, walked| {
                 if frame > gap.to {
                     return;
                 }
-                let first = kept.get_mut(frame - gap.from).and_then(Option::take);
-                match first.zip(gap.before) {
+                match kept.get(&frame).zip(gap.nearness(frame)) {
                     None => run.hand_on(frame, &walked, false),
-                    Some((first, before)) => {
-                        let first = WalkedFrame { mask: first.runs.decode(), confidence: first.confidence };
-                        let nearness = (anchor - frame) as f32 / (anchor - before) as f32;
-                        run.hand_on(frame, &merged(&first, &walked, nearness), false);
-                    }
+                    Some((first, nearness)) => run.hand_on(frame, &first.met_by(&walked, nearness), false),
                 }
             })?;
         }
         Ok(())
     }
 
-    /// Walks from an anchor to the frame `last`, which lies before or after it; the colours of the anchor at the other
-    /// end are heeded too. An anchor that cannot be read starts no walk.
+    /// Walks from one anchor of a gap to its far end; the colours of the anchor there are heeded too, and the mask that is
+    /// `known` of the frame ahead. An anchor that cannot be read starts no walk.
     fn walk(
         &mut self,
-        anchor: usize,
-        other: Option<usize>,
-        last: usize,
+        (anchor, gap): (usize, &Gap),
         (size, finest): ((usize, usize), Finest),
+        known: &dyn Fn(usize) -> Option<LabelMask>,
         found: &mut dyn FnMut(&mut Self, usize, WalkedFrame),
     ) -> Result<(), MaskError> {
-        let Some((mut picture, mask)) = self.anchor(anchor, size)? else { return Ok(()) };
+        let forwards = gap.before == Some(anchor);
+        let (other, last) = if forwards { (gap.after, gap.to) } else { (gap.before, gap.from) };
+        let Some((picture, mask)) = self.anchor(anchor, size)? else { return Ok(()) };
         let mut walk = Walk::new(self.options, &picture, &mask);
         if let Some(other) = other
             && let Some((picture, mask)) = self.anchor(other, size)?
         {
             walk.learn(&picture, &mask);
         }
-        let mut route = Route::new(anchor, last, size);
+        let beyond_last = if forwards { last.checked_add(1) } else { last.checked_sub(1) };
+        let end = beyond_last.filter(|&frame| known(frame).is_some()).unwrap_or(last);
+        let mut route = Route::new(anchor, end, size);
         let mut at = anchor;
         let mut coming = change(&mut route, &mut self.pictures, &picture, finest)?;
-        while let Some((frame, step)) = coming {
-            picture = Arc::clone(&step.next);
+        // Who walks alone needs not see the frame after the next.
+        let mut ahead = match coming.as_ref().filter(|_| other.is_some()) {
+            Some((_, step)) => change(&mut route, &mut self.pictures, &step.next, finest)?,
+            None => None,
+        };
+        while let Some((frame, step)) = coming.filter(|(frame, _)| frame.abs_diff(anchor) <= last.abs_diff(anchor)) {
+            let beyond = ahead.as_ref().and_then(|(next, change)| {
+                Some(Beyond { change, mask: known(*next)?, share: gap.share_beyond(*next, at)? })
+            });
+            let farthest = Arc::clone(ahead.as_ref().map_or(&step.next, |(_, ahead)| &ahead.next));
             let (pictures, progress) = (&mut self.pictures, self.progress);
-            let ahead = || change(&mut route, pictures, &picture, finest);
-            let (walked, following) = rayon::join(|| walk.advance(step, progress), ahead);
+            let (walked, after) = rayon::join(
+                || walk.advance(step, beyond.as_ref(), progress),
+                || change(&mut route, pictures, &farthest, finest),
+            );
             found(self, frame, walked?);
             self.done += frame.abs_diff(std::mem::replace(&mut at, frame));
             self.progress.step(self.done, self.total)?;
-            coming = following?;
+            (coming, ahead) = if ahead.is_some() { (ahead, after?) } else { (after?, None) };
         }
         Ok(())
     }
@@ -168,8 +197,8 @@ impl Run<'_> {
 fn change(
     route: &mut Route,
     pictures: &mut Pictures<'_>,
-    last: &Picture,
+    last: &Arc<Picture>,
     finest: Finest,
 ) -> Result<Option<(usize, Change)>, MaskError> {
-    Ok(route.next(pictures)?.map(|(frame, next)| (frame, Change::new(last, next, finest))))
+    Ok(route.next(pictures)?.map(|(frame, next)| (frame, Change::new(Arc::clone(last), next, finest))))
 }

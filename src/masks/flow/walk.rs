@@ -4,7 +4,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 use super::dis::{Finest, flow_between};
-use super::evidence::{Evidence, evidence, median};
+use super::evidence::{Evidence, Sight, evidence, median};
 use super::memory::Memory;
 use super::motion::{PlaneMotion, Step};
 use super::object::{Object, Prediction};
@@ -21,6 +21,7 @@ const AGREES_PX: f32 = 2.0;
 
 /// Two neighbouring frames and how pixels move between them.
 pub(super) struct Change {
+    pub last: Arc<Picture>,
     pub next: Arc<Picture>,
     /// From the last frame to the next, and back.
     pub forward: Flow,
@@ -35,15 +36,15 @@ pub(super) struct Change {
 
 impl Change {
     /// Measures the flow both ways.
-    pub fn new(last: &Picture, next: Arc<Picture>, finest: Finest) -> Self {
+    pub fn new(last: Arc<Picture>, next: Arc<Picture>, finest: Finest) -> Self {
         let flow = |from: &Picture, to: &Picture| flow_between(&from.pyramid, &to.pyramid, finest);
-        let (forward, backward) = rayon::join(|| flow(last, &next), || flow(&next, last));
+        let (forward, backward) = rayon::join(|| flow(&last, &next), || flow(&next, &last));
         let reliable = Plane::from_fn(next.width, next.height, |x, y| {
             let vector = backward.at(x, y);
             let miss = (vector + forward.sample(Vec2::new(x as f32, y as f32) + vector)).length();
             (-(miss / (1.0 + 0.1 * vector.length())).powi(2)).exp()
         });
-        Self { next, forward, backward, reliable, background: None, background_noise: 0.0 }
+        Self { last, next, forward, backward, reliable, background: None, background_noise: 0.0 }
     }
 
     /// Finds the background's motion from pixels that no object is expected near.
@@ -77,6 +78,15 @@ impl Change {
             self.background_noise = median(steps.iter().map(miss));
         }
     }
+}
+
+/// The frame after the next with its mask, which it has from the anchor beyond it or is that anchor's.
+pub(super) struct Beyond<'a> {
+    /// From the next frame to it.
+    pub change: &'a Change,
+    pub mask: LabelMask,
+    /// How much its mask counts beside the last frame's, 0–1.
+    pub share: f32,
 }
 
 /// Objects carried from an anchor, frame after frame.
@@ -117,14 +127,20 @@ impl<'a> Walk<'a> {
 
     /// Carries all objects to the next frame; their mask there, at the working size. After a stop the walk is at no
     /// frame any more.
-    pub fn advance(&mut self, mut change: Change, progress: &Progress) -> Result<WalkedFrame, Stopped> {
+    pub fn advance(
+        &mut self,
+        mut change: Change,
+        beyond: Option<&Beyond<'_>>,
+        progress: &Progress,
+    ) -> Result<WalkedFrame, Stopped> {
         let options = self.options;
         change.find_background(&self.objects.iter().map(Object::expected).collect::<Vec<_>>());
         let recalled = change.next.description.as_ref().map(|description| self.memory.recall(description));
         let known = self.objects.par_iter_mut().map(|object| {
             progress.check()?;
             let prediction = object.predict(&change, options);
-            let evidence = evidence(object, &prediction, (&change, recalled.as_ref()), options);
+            let evidence =
+                evidence(object, &prediction, &Sight { change: &change, beyond, recalled: recalled.as_ref() }, options);
             Ok((prediction, evidence))
         });
         let known: Vec<(Prediction, Evidence)> = known.collect::<Result<_, Stopped>>()?;

@@ -38,6 +38,7 @@ impl Lock {
     }
 }
 
+#[expect(clippy::disallowed_methods, reason = "a second at most, and only where another holds the project")]
 fn try_patiently(file: &File) -> Result<(), TryLockError> {
     let begun = Instant::now();
     loop {
@@ -81,6 +82,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::disallowed_methods, reason = "the lock is given back a while after the next asks for it")]
     fn what_a_killed_program_was_starting_holds_the_lock_for_an_instant_only() {
         let dir = tempfile::tempdir().unwrap();
         let held = Lock::take(dir.path()).unwrap();

@@ -58,6 +58,31 @@ fn a_frame_that_cannot_be_read_is_stepped_over_and_named() {
 }
 
 #[test]
+fn frames_between_anchors_that_cannot_be_read_are_stepped_over_from_both_sides() {
+    let film = Film::new(20, &two_disks(), 0..0);
+    for gone in [1, 7, 12, 18] {
+        damage(&film, gone, &[]);
+    }
+    let (tracked, warnings) = told(&film.request(&[0, 19]));
+    let readable: Vec<usize> = (1..19).filter(|frame| ![1, 7, 12, 18].contains(frame)).collect();
+    assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), readable);
+    for frame in [2, 8, 17] {
+        assert!(film.iou(&tracked, frame, LEFT) > 0.9, "frame {frame}: {}", film.iou(&tracked, frame, LEFT));
+    }
+    let [warning] = warnings.as_slice() else { panic!("{warnings:?}") };
+    assert!(warning.starts_with("4 frames cannot be read"), "{warning}");
+}
+
+#[test]
+fn a_frame_behind_the_range_is_not_needed() {
+    let film = Film::new(12, &two_disks(), 0..0);
+    damage(&film, 7, &[]);
+    let request = TrackRequest { from: 3, to: 6, direction: Direction::Forward, ..film.request(&[1, 10]) };
+    let (tracked, warnings) = told(&request);
+    assert_eq!((tracked.keys().copied().collect::<Vec<_>>(), warnings), (vec![3, 4, 5, 6], vec![]));
+}
+
+#[test]
 fn an_anchor_that_cannot_be_read_leaves_its_side_to_the_other() {
     let film = Film::new(12, &two_disks(), 0..0);
     damage(&film, 0, &[]);
