@@ -37,9 +37,9 @@ impl Aim {
 /// How far the border of what is drawn lies off between two corners, in pixels: a hand is no finer than it must be.
 const OFF_PX: [f64; 4] = [8.0, 5.0, 3.0, 2.0];
 
-/// Draws what clicks could not: polygons around the whole of a label on a frame or around its wrong parts, those first
-/// that mend most for each corner, with as few corners as make its IoU good, and more where they pay; where none make it good, what comes nearest. `None` where
-/// everything is finer than the finest of the aim.
+/// Draws what clicks could not: polygons around the whole of a label on a frame or around its wrong parts, those first that
+/// mend most for each corner, with as few corners as make its IoU good, and more where they pay; where none make it good,
+/// what comes nearest. `None` where everything is finer than the finest of the aim.
 ///
 /// # Errors
 /// When the masks differ in size.
