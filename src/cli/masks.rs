@@ -13,8 +13,12 @@ pub(super) fn prompt(args: &PromptArgs) -> Result<()> {
     let click = |include| move |&at_px| Click { at_px, include };
     let clicks = args.click.iter().map(click(true)).chain(args.not.iter().map(click(false))).collect();
     let boxes = args.boxes.iter().map(|&[min_px, max_px]| PxBox { min_px, max_px }).collect();
-    let request =
-        PromptRequest { frame: args.frame, label, prompt: Prompt { clicks, boxes }, segmenter: args.segmenter.clone() };
+    let request = PromptRequest {
+        frame: args.frame,
+        label,
+        prompt: Prompt { clicks, boxes, ..Prompt::default() },
+        segmenter: args.segmenter.clone(),
+    };
     driver.act_and_save([Command::Prompt(request)])
 }
 

@@ -5,6 +5,7 @@
 
 pub mod builtin;
 mod components;
+mod cut;
 mod distance;
 mod edit;
 mod error;

@@ -49,6 +49,10 @@ pub struct Prompt {
     /// Each box holds (a part of) the object.
     #[serde(default)]
     pub boxes: Vec<PxBox>,
+    /// Whether the first click was given on a mask that was there without any, tracked, drawn or read: then each click mends the
+    /// place that it is in, and what is elsewhere stays.
+    #[serde(default)]
+    pub corrects: bool,
 }
 
 impl Prompt {

@@ -56,7 +56,7 @@ impl Suggestion {
     #[must_use]
     pub fn prompt(&self, label: LabelId, segmenter: &str) -> Command {
         let clicks = vec![Click { at_px: self.at_px, include: true }];
-        let prompt = Prompt { clicks, boxes: vec![self.around_px] };
+        let prompt = Prompt { clicks, boxes: vec![self.around_px], ..Prompt::default() };
         Command::Prompt(PromptRequest { frame: self.frame, label, prompt, segmenter: segmenter.to_owned() })
     }
 

@@ -65,7 +65,7 @@ fn times(sam: &Sam, width: u32, height: u32) {
 fn click(frame: &dyn PreparedFrame, at: u32, width: u32, height: u32) -> f64 {
     let share = (f64::from(at) + 0.5) / f64::from(CLICKS);
     let at_px = DVec2::new(share * f64::from(width), (1.0 - share) * f64::from(height));
-    let prompt = Prompt { clicks: vec![Click { at_px, include: true }], boxes: Vec::new() };
+    let prompt = Prompt { clicks: vec![Click { at_px, include: true }], ..Prompt::default() };
     let start = Instant::now();
     let region = frame.segment(&SegmentRequest { prompt: &prompt, previous: None, taken: None }, &Progress::default());
     let elapsed = start.elapsed();

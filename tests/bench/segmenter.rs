@@ -260,7 +260,7 @@ fn boxed(name: &str, image: &Arc<Image>, depth: Option<&Arc<DepthMap>>, truth: &
         min_px: DVec2::new(least(|place| place.0), least(|place| place.1)),
         max_px: DVec2::new(most(|place| place.0), most(|place| place.1)),
     };
-    let prompt = Prompt { clicks: Vec::new(), boxes: vec![part] };
+    let prompt = Prompt { boxes: vec![part], ..Prompt::default() };
     let answer = ask(&*frame, &prompt, truth);
     shoot(&format!("{name}-box"), 0, image, truth, &answer, &[]);
     iou(truth, &answer)

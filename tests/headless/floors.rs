@@ -181,7 +181,7 @@ fn click_twice(session: &mut Session, frame: usize, label: LabelId, truth: &Regi
         let mask = session.project().unwrap().masks.get(&frame).map(|mask| mask.runs.decode());
         let current = mask.map_or_else(|| Region::empty(truth.width, truth.height), |mask| mask.region(label));
         clicks.extend(next_click(truth, &current));
-        let prompt = Prompt { clicks: clicks.clone(), boxes: Vec::new() };
+        let prompt = Prompt { clicks: clicks.clone(), ..Prompt::default() };
         perform(session, Command::Prompt(PromptRequest { frame, label, prompt, segmenter: "geometry".into() }))
             .unwrap();
     }

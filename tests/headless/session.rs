@@ -42,7 +42,7 @@ fn clicks(data: &Path) -> Vec<PromptRequest> {
         for label in labels.map(LabelId) {
             let (x, y) = deepest_point(&truth.region(label)).unwrap();
             let at_px = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let prompt = Prompt { clicks: vec![Click { at_px, include: true }], boxes: Vec::new() };
+            let prompt = Prompt { clicks: vec![Click { at_px, include: true }], ..Prompt::default() };
             clicks.push(PromptRequest { frame, label, prompt, segmenter: "auto".into() });
         }
     }

@@ -154,7 +154,7 @@ mod tests {
     fn clicks_build_on_what_was_sent_until_the_project_has_it() {
         let (mut draft, mut project) = (Draft::default(), Project::default());
         let label = LabelId(1);
-        let one = Prompt { clicks: vec![Click { at_px: DVec2::ONE, include: true }], boxes: vec![] };
+        let one = Prompt { clicks: vec![Click { at_px: DVec2::ONE, include: true }], ..Prompt::default() };
         draft.sent(3, label, one.clone());
         assert_eq!(draft.prompt(&project, 3, label), one);
         assert!(draft.prompt(&project, 4, label).is_empty());

@@ -18,6 +18,7 @@ mod filter;
 mod fitting;
 mod geodesic;
 mod graph;
+mod mend;
 mod prepared;
 mod query;
 mod raster;

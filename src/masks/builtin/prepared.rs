@@ -1,8 +1,12 @@
+use std::sync::Arc;
+
 use super::appearance::Palette;
 use super::graph::RegionGraph;
+use super::mend::mended;
 use super::query::Query;
 use super::raster::Raster;
 use crate::engine::job::Progress;
+use crate::frames::Image;
 use crate::masks::{Click, MaskError, PreparedFrame, PxBox, Region, SegmentRequest};
 
 /// A frame with everything worked out that no prompt is needed for.
@@ -10,6 +14,8 @@ pub(super) struct Prepared {
     pub raster: Raster,
     pub graph: RegionGraph,
     pub palette: Palette,
+    /// The picture, where there is no depth by which to tell things apart.
+    pub flat: Option<Arc<Image>>,
 }
 
 impl PreparedFrame for Prepared {
@@ -18,7 +24,9 @@ impl PreparedFrame for Prepared {
         let SegmentRequest { prompt, previous, taken } = *request;
         // With an answer to refine only the last click is new.
         if let (Some(previous), Some(last)) = (previous, prompt.clicks.len().checked_sub(1)) {
-            return Ok(self.refined(previous, &prompt.clicks, last, taken));
+            let flat = self.flat.as_ref().filter(|_| prompt.corrects);
+            let mended = flat.and_then(|image| mended(image, self.raster.factor, previous, &prompt.clicks, taken));
+            return Ok(mended.unwrap_or_else(|| self.refined(previous, &prompt.clicks, last, taken)));
         }
         let mut boxed = Query::new(self, taken);
         boxed.add_boxes(&prompt.boxes);
@@ -27,7 +35,8 @@ impl PreparedFrame for Prepared {
     }
 
     fn bytes(&self) -> usize {
-        self.raster.bytes() + self.graph.bytes() + self.palette.bytes()
+        let picture = self.flat.as_ref().map_or(0, |image| size_of_val(&*image.pixels));
+        self.raster.bytes() + self.graph.bytes() + self.palette.bytes() + picture
     }
 }
 

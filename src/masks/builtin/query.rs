@@ -28,7 +28,7 @@ pub(super) struct Query<'a> {
 
 impl<'a> Query<'a> {
     pub fn new(frame: &'a Prepared, taken: Option<&'a Region>) -> Self {
-        let Prepared { raster, graph, palette } = frame;
+        let Prepared { raster, graph, palette, .. } = frame;
         let count = graph.region_count();
         let closed = taken.map_or_else(|| vec![false; count], |taken| raster.mostly(taken));
         Self {

@@ -34,7 +34,11 @@ impl Segmenter for BuiltinSegmenter {
 }
 
 /// All that is done once per frame.
-pub(super) fn prepare(image: &Image, depth: Option<&DepthMap>, progress: &Progress) -> Result<Prepared, MaskError> {
+pub(super) fn prepare(
+    image: &Arc<Image>,
+    depth: Option<&DepthMap>,
+    progress: &Progress,
+) -> Result<Prepared, MaskError> {
     let (width, height) = (image.width as usize, image.height as usize);
     if width == 0 || height == 0 || image.pixels.len() != width * height {
         return Err(MaskError::Request(format!("a picture of {width}×{height} cannot be segmented; open another")));
@@ -55,7 +59,7 @@ pub(super) fn prepare(image: &Image, depth: Option<&DepthMap>, progress: &Progre
 
 /// Works on `reduced`, then carries the regions to `image`, which is `factor` times as large.
 fn prepare_reduced(
-    image: &Image,
+    image: &Arc<Image>,
     reduced: &Image,
     depth: Option<&DepthMap>,
     factor: usize,
@@ -85,5 +89,6 @@ fn prepare_reduced(
     progress.step(4, STAGES)?;
     let raster = Raster::new(image, factor, partition.of_pixel, &graph.regions, progress)?;
     progress.step(STAGES, STAGES)?;
-    Ok(Prepared { raster, graph, palette })
+    let flat = depth.is_none().then(|| Arc::clone(image));
+    Ok(Prepared { raster, graph, palette, flat })
 }

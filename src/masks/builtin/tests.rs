@@ -41,7 +41,7 @@ fn ask(frame: &dyn PreparedFrame, prompt: &Prompt, taken: Option<&Region>) -> Re
 }
 
 fn of_clicks(clicks: &[Click]) -> Prompt {
-    Prompt { clicks: clicks.to_vec(), boxes: Vec::new() }
+    Prompt { clicks: clicks.to_vec(), ..Prompt::default() }
 }
 
 fn iou(answer: &Region, truth: impl Fn(u32, u32) -> bool) -> f64 {
@@ -62,7 +62,7 @@ fn one_click_takes_a_clear_object() {
 fn a_box_takes_the_object_in_it() {
     let frame = prepared(&disc_picture(), None);
     let part = PxBox { min_px: DVec2::new(58.0, 28.0), max_px: DVec2::new(122.0, 92.0) };
-    let answer = ask(&*frame, &Prompt { clicks: Vec::new(), boxes: vec![part] }, None);
+    let answer = ask(&*frame, &Prompt { boxes: vec![part], ..Prompt::default() }, None);
     assert!(iou(&answer, in_disc) > 0.95, "IoU {}", iou(&answer, in_disc));
 }
 
@@ -116,6 +116,57 @@ fn a_far_click_leaves_the_previous_answer_as_it_is() {
     assert!((6..34).all(|x| answer.at(x, 20)));
 }
 
+/// The disc with a piece missing at its right side, and a square beside it that is too much.
+fn damaged_disc() -> Region {
+    let inside = |x: u32, y: u32| {
+        let is_missed = (108..116).contains(&x) && (56..64).contains(&y);
+        in_disc(x, y) && !is_missed || (20..26).contains(&x) && (20..26).contains(&y)
+    };
+    let inside = (0..WIDTH * HEIGHT).map(|at| inside(at % WIDTH, at / WIDTH)).collect();
+    Region { width: WIDTH, height: HEIGHT, inside }
+}
+
+fn corrected(frame: &dyn PreparedFrame, previous: &Region, clicks: &[Click], taken: Option<&Region>) -> Region {
+    let prompt = Prompt { corrects: true, ..of_clicks(clicks) };
+    let request = SegmentRequest { prompt: &prompt, previous: Some(previous), taken };
+    frame.segment(&request, &Progress::default()).unwrap()
+}
+
+#[test]
+fn a_click_on_a_given_mask_mends_the_place_that_it_is_in_and_no_other() {
+    let frame = prepared(&disc_picture(), None);
+    let damaged = damaged_disc();
+    let missed = click(112.0, 60.0, true);
+    let mended = corrected(&*frame, &damaged, &[missed], None);
+    let pixels = || (0..WIDTH * HEIGHT).map(|at| (at % WIDTH, at / WIDTH));
+    assert!(pixels().all(|(x, y)| mended.at(x, y) || !damaged.at(x, y)), "who includes takes nothing away");
+    let added = || pixels().filter(|&(x, y)| mended.at(x, y) && !damaged.at(x, y));
+    let (right, wrong) =
+        (added().filter(|&(x, y)| in_disc(x, y)).count(), added().filter(|&(x, y)| !in_disc(x, y)).count());
+    assert!(right > 50 && wrong < 4, "{right} of the 64 missed, {wrong} beside the disc");
+    let both = corrected(&*frame, &mended, &[missed, click(23.0, 23.0, false)], None);
+    let disc = |x: u32, y: u32| x > 40 && mended.at(x, y);
+    assert_eq!(iou(&both, disc), 1.0, "the square goes, and nothing else");
+    assert_eq!(
+        corrected(&*frame, &both, &[missed, click(90.0, 60.0, true)], None),
+        both,
+        "what is right already stays"
+    );
+}
+
+#[test]
+fn a_mended_place_keeps_to_earlier_clicks_and_to_what_is_taken() {
+    let frame = prepared(&disc_picture(), None);
+    let damaged = damaged_disc();
+    let clicks = [click(109.5, 57.5, false), click(112.0, 60.0, true)];
+    let mended = corrected(&*frame, &damaged, &clicks, None);
+    assert!(mended.at(112, 60) && !mended.at(109, 57), "the earlier click holds");
+    let mut taken = Region::empty(WIDTH, HEIGHT);
+    (56..64).for_each(|y| taken.inside[(y * WIDTH + 114) as usize] = true);
+    let mended = corrected(&*frame, &damaged, &clicks[1..], Some(&taken));
+    assert!(mended.at(112, 60) && (56..64).all(|y| !mended.at(114, y)));
+}
+
 #[test]
 fn a_large_picture_is_answered_at_its_own_size() {
     let inside = |x: u32, y: u32| (f64::from(x) - 901.0).hypot(f64::from(y) - 600.0) < 300.0;
@@ -147,7 +198,7 @@ fn what_cannot_be_answered_is_said_so() {
     assert!(fails(&Prompt::default(), None));
     assert!(fails(&of_clicks(&[click(-1.0, 5.0, true)]), None));
     assert!(fails(&of_clicks(&[click(f64::NAN, 5.0, true)]), None));
-    assert!(fails(&Prompt { clicks: Vec::new(), boxes: vec![outside] }, None));
+    assert!(fails(&Prompt { boxes: vec![outside], ..Prompt::default() }, None));
     assert!(fails(&of_clicks(&[click(5.0, 5.0, true)]), Some(&Region::empty(3, 3))));
     let wrong = Arc::new(DepthMap { width: 2, height: 2, depths: vec![1.0; 4] });
     assert!(BuiltinSegmenter.prepare(&disc_picture(), Some(&wrong), &Progress::default()).is_err());

@@ -58,7 +58,7 @@ mod tests {
         ) {
             let (label, tree) = (LabelId(id), tree());
             let click = Click { at_px: DVec2::new(click.0, click.1), include: click.2 };
-            let prompt = Prompt { clicks: vec![click], boxes: Vec::new() };
+            let prompt = Prompt { clicks: vec![click], ..Prompt::default() };
             let mut composed = mask.clone();
             compose(&mut composed, &region, label, &prompt, &[LabelId(other)], &tree).unwrap();
             let taken = taken_by_others(&mask, label, &[LabelId(other)], &tree);

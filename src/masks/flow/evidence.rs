@@ -1,12 +1,12 @@
 use glam::{Affine2, Vec2};
 
-use super::cut::Window;
 use super::memory::Recalled;
 use super::object::{Object, Prediction};
 use super::options::FlowOptions;
 use super::plane::Plane;
 use super::votes::{Source, Vote, Way, votes};
 use super::walk::{Beyond, Change};
+use crate::masks::cut::Window;
 use crate::masks::{Region, squared_distance_to};
 
 /// The expected shape is where the expectation is above this.

@@ -8,7 +8,6 @@ mod apart;
 mod cells;
 mod clean;
 mod colors;
-mod cut;
 mod dis;
 mod evidence;
 mod gap;

@@ -3,7 +3,6 @@ use glam::{Affine2, Vec2};
 use super::cells::Cells;
 use super::clean::keep_expected;
 use super::colors::ColorModel;
-use super::cut::Borders;
 use super::evidence::{Evidence, SHAPE, median};
 use super::locate::Looks;
 use super::motion::{Step, similarity};
@@ -11,6 +10,7 @@ use super::options::FlowOptions;
 use super::picture::Picture;
 use super::plane::Plane;
 use super::walk::Change;
+use crate::masks::cut::Borders;
 use crate::masks::{LabelId, Region, squared_distance_to};
 
 /// Pixels whose motion is looked at to find the object's.
@@ -235,7 +235,7 @@ impl Object {
         if evidence.odds.is_empty() {
             return mask;
         }
-        let borders = Borders::new(picture, evidence.window, options.outline_weight);
+        let borders = Borders::new(&picture.lab, picture.width, evidence.window, options.outline_weight);
         let most = options.most_growth * self.usual_area();
         for round in 0..=TRIES {
             let inside = borders.cut(&evidence.odds, -FALL * round as f32);

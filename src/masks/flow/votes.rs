@@ -2,9 +2,9 @@ use glam::{Affine2, Vec2};
 use rayon::prelude::*;
 use wide::f32x8;
 
-use super::cut::Window;
 use super::picture::Picture;
 use super::plane::{Flow, Plane, corners};
+use crate::masks::cut::Window;
 
 /// Pixels from the middle of a patch to its side.
 const HALF: usize = 2;

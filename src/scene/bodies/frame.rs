@@ -191,7 +191,7 @@ impl PreparedFrame for FrameBodies {
         for (at, click) in prompt.clicks.iter().enumerate() {
             let pixel = click.pixel_in(answer.width, answer.height);
             if pixel.is_none_or(|pixel| answer.inside[pixel] != click.include) {
-                let prompt = Prompt { clicks: prompt.clicks[..=at].to_vec(), boxes: Vec::new() };
+                let prompt = Prompt { clicks: prompt.clicks[..=at].to_vec(), ..Prompt::default() };
                 let request = SegmentRequest { prompt: &prompt, previous: Some(&answer), taken };
                 let asked = self.picture.segment(&request, progress)?;
                 let is_unknown = self.surface_at(click).is_none();

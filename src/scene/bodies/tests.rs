@@ -102,7 +102,7 @@ fn click(region: &Region, include: bool) -> Click {
 }
 
 fn segment(frame: &FrameBodies, clicks: &[Click], previous: Option<&Region>, taken: Option<&Region>) -> Region {
-    let prompt = Prompt { clicks: clicks.to_vec(), boxes: Vec::new() };
+    let prompt = Prompt { clicks: clicks.to_vec(), ..Prompt::default() };
     frame.segment(&SegmentRequest { prompt: &prompt, previous, taken }, &Progress::default()).unwrap()
 }
 

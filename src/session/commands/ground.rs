@@ -57,7 +57,7 @@ impl Session {
                 let label = labels.last().map_or(LabelId::NONE, |label| label.id);
                 let labels = labels.into_iter().map(|label| Edit::SetLabel { id: label.id, label: Some(label) });
                 apply(&mut next, &mut edits, labels.collect())?;
-                let prompt = Prompt { clicks: Vec::new(), boxes: vec![*extent] };
+                let prompt = Prompt { boxes: vec![*extent], ..Prompt::default() };
                 let of = PromptRequest { frame: request.frame, label, prompt, segmenter: request.segmenter.clone() };
                 let mask = with_answer(&next, &of, &answer(ready.as_ref(), &next, &of, &link.progress)?)?;
                 let mut masks = by_hand(&next, request.frame, &mask);

@@ -45,5 +45,5 @@ pub(super) use instances::{FoundInstances, found_instances};
 #[cfg(test)]
 pub(super) use paint::by_hand;
 pub(super) use paint::{anchor, mask_of};
-pub(super) use prompt::{answer, with_answer};
+pub(super) use prompt::{answer, corrects, with_answer};
 pub(super) use track::{TrackRun, carried, track_request};

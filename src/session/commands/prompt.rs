@@ -83,7 +83,8 @@ impl Session {
         let PromptRequest { frame, label, prompt, .. } = request;
         let mask = with_answer(&project, request, region)?;
         let title = format!("Prompt {} on frame {frame}", label_name(&project, *label)?);
-        let mut edits = vec![Edit::SetPrompt { frame: *frame, label: *label, prompt: Some(prompt.clone()) }];
+        let prompt = Prompt { corrects: corrects(&project, &mask_of(&project, *frame)?, request), ..prompt.clone() };
+        let mut edits = vec![Edit::SetPrompt { frame: *frame, label: *label, prompt: Some(prompt) }];
         edits.extend(by_hand(&project, *frame, &mask));
         self.commit(&title, edits)
     }
@@ -126,7 +127,7 @@ pub fn answer(
     let mask = mask_of(project, request.frame)?;
     let previous = refines(project, request).then(|| mask.region(request.label)).filter(|region| region.area() > 0);
     let taken = taken(project, &mask, request);
-    let prompt = against_rivals(project, &mask, request);
+    let prompt = Prompt { corrects: corrects(project, &mask, request), ..against_rivals(project, &mask, request) };
     let request = SegmentRequest { prompt: &prompt, previous: previous.as_ref(), taken: taken.as_ref() };
     Ok(ready.segment(&request, progress)?)
 }
@@ -144,8 +145,16 @@ pub fn with_answer(project: &Project, request: &PromptRequest, region: &Region) 
 fn refines(project: &Project, request: &PromptRequest) -> bool {
     let nothing = Prompt::default();
     let before = project.prompts.get(&(request.frame, request.label)).unwrap_or(&nothing);
-    let Prompt { clicks, boxes } = &request.prompt;
+    let Prompt { clicks, boxes, .. } = &request.prompt;
     *boxes == before.boxes && clicks.split_last().is_some_and(|(_, first)| first == before.clicks)
+}
+
+/// Whether a prompt's clicks mend a mask that the label had on the frame before any of them.
+pub fn corrects(project: &Project, mask: &LabelMask, request: &PromptRequest) -> bool {
+    match project.prompts.get(&(request.frame, request.label)) {
+        Some(before) => before.corrects,
+        None => request.prompt.boxes.is_empty() && mask.ids.contains(&request.label),
+    }
 }
 
 /// What is given for the label, and that the pixels where other labels of the frame were clicked are not it. Labels

@@ -104,9 +104,10 @@ fn moved_clicks(project: &Project, cut: &Cut, frame: usize, part: &Region) -> Ve
     if moved.is_empty() {
         return Vec::new();
     }
-    let kept = Prompt { clicks: kept, boxes: given.boxes.clone() };
+    let kept = Prompt { clicks: kept, ..given.clone() };
     let mut there = project.prompts.get(&(frame, cut.into)).cloned().unwrap_or_default();
     there.clicks.extend(moved);
+    there.corrects |= given.corrects;
     let kept = (!kept.is_empty()).then_some(kept);
     vec![
         Edit::SetPrompt { frame, label: cut.label, prompt: kept },

@@ -154,7 +154,7 @@ impl SimulatedUser {
         let before = self.ious(studio, frame)?;
         let clicks = self.given.entry((frame, label)).or_default();
         clicks.push(click);
-        let prompt = Prompt { clicks: clicks.clone(), boxes: Vec::new() };
+        let prompt = Prompt { clicks: clicks.clone(), ..Prompt::default() };
         self.classes.iter_mut().filter(|class| class.id == label).for_each(|class| class.clicks += 1);
         studio.act(Command::Prompt(PromptRequest { frame, label, prompt, segmenter: "builtin".into() }))?;
         if self.ious(studio, frame)?.iter().sum::<f64>() >= before.iter().sum::<f64>() {

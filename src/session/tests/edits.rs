@@ -6,7 +6,7 @@ use crate::masks::{Click, LabelId, Prompt};
 use crate::session::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind};
 
 fn prompt(x: f64) -> Prompt {
-    Prompt { clicks: vec![Click { at_px: glam::DVec2::new(x, 1.1), include: x < 1.0 }], boxes: Vec::new() }
+    Prompt { clicks: vec![Click { at_px: glam::DVec2::new(x, 1.1), include: x < 1.0 }], ..Prompt::default() }
 }
 
 fn any_mask() -> impl Strategy<Value = Option<FrameMask>> {

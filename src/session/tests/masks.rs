@@ -27,7 +27,7 @@ fn opened(folder: &Path) -> Session {
 
 fn click(label: LabelId, points: &[(f64, f64)]) -> Command {
     let clicks = points.iter().map(|&(x, y)| Click { at_px: DVec2::new(x, y), include: true }).collect();
-    let prompt = Prompt { clicks, boxes: Vec::new() };
+    let prompt = Prompt { clicks, ..Prompt::default() };
     Command::Prompt(PromptRequest { frame: 0, label, prompt, segmenter: "builtin".into() })
 }
 
@@ -54,6 +54,32 @@ fn a_prompt_segments_and_an_empty_one_takes_off() {
     assert!(session.project().unwrap().masks.is_empty() && session.project().unwrap().prompts.is_empty());
     let error = perform(&mut session, click(STONE, &[])).unwrap_err().to_string();
     assert_eq!(error, "label 'stone' is not on frame 0");
+}
+
+#[test]
+fn clicks_on_a_drawn_mask_mend_it_until_it_is_taken_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    // The bar from row 10 to row 30, but for a stripe of it.
+    perform(&mut session, square(STONE, 10.0, 30.0, false, true)).unwrap();
+    perform(&mut session, square(STONE, 24.0, 27.0, true, true)).unwrap();
+    let drawn = mask(&session);
+    perform(&mut session, click(STONE, &[(25.5, 25.5)])).unwrap();
+    let mended = mask(&session);
+    assert!(mended.at(25, 25) == STONE && mended.at(12, 12) == STONE, "what was drawn beside the bar stays");
+    let changed = (0..drawn.ids.len()).filter(|&at| drawn.ids[at] != mended.ids[at]).count();
+    assert!((5..60).contains(&changed), "{changed} of some 9 pixels");
+    let corrects = |session: &Session| session.project().unwrap().prompts[&(0, STONE)].corrects;
+    assert!(corrects(&session));
+    perform(&mut session, click(STONE, &[(25.5, 25.5), (22.5, 12.5)])).unwrap();
+    assert!(corrects(&session), "the second click, too");
+    drop(session);
+    let mut session = Session::new();
+    perform(&mut session, Command::Open(folder.path().join("p"))).unwrap();
+    assert!(corrects(&session), "and in the file");
+    perform(&mut session, click(STONE, &[])).unwrap();
+    perform(&mut session, click(STONE, &[(30.5, 20.5)])).unwrap();
+    assert!(!corrects(&session), "who clicks on nothing begins a mask");
 }
 
 #[test]

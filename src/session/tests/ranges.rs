@@ -43,7 +43,7 @@ fn click(x: f64, y: f64) -> Click {
 }
 
 fn prompt(clicks: Vec<Click>) -> Prompt {
-    Prompt { clicks, boxes: Vec::new() }
+    Prompt { clicks, ..Prompt::default() }
 }
 
 fn both(ids: [u16; 3]) -> FrameMask {

@@ -56,7 +56,7 @@ impl PreparedFrame for CloseUps {
         // What is not looked at is not answered, but for what is clicked to be outside.
         let (told, beyond): (Vec<_>, Vec<_>) =
             request.prompt.clicks.iter().partition(|click| click.include || frame.part().holds(click.at_px));
-        let prompt = Prompt { clicks: told, boxes: request.prompt.boxes.clone() };
+        let prompt = Prompt { clicks: told, boxes: request.prompt.boxes.clone(), ..Prompt::default() };
         let mut region = frame.segment(&SegmentRequest { prompt: &prompt, ..*request }, progress)?;
         beyond.iter().for_each(|click| hold(&mut region, click));
         Ok(region)
@@ -72,7 +72,7 @@ impl PreparedFrame for CloseUps {
 fn told_of(prompt: &Prompt) -> Prompt {
     let newest = prompt.clicks.last().map(|click| Click { include: true, ..*click });
     let included = prompt.clicks.iter().filter(|click| click.include).copied();
-    Prompt { clicks: included.chain(newest).collect(), boxes: prompt.boxes.clone() }
+    Prompt { clicks: included.chain(newest).collect(), boxes: prompt.boxes.clone(), ..Prompt::default() }
 }
 
 impl Part {

@@ -9,7 +9,7 @@ use super::outline::{Aim, Drawn, drawn};
 use super::{InteractOptions, Sequence};
 use crate::engine::job::Progress;
 use crate::masks::{Click, LabelId, LabelMask, RunMask, Segmenter, Tracker, next_label_click};
-use crate::session::commands::{LabelChoice, anchor, answer, carried, mask_of, track_request, with_answer};
+use crate::session::commands::{LabelChoice, anchor, answer, carried, corrects, mask_of, track_request, with_answer};
 use crate::session::prepared::PreparedFrames;
 use crate::session::{Edit, MaskOrigin, Project, PromptRequest, TrackSettings};
 
@@ -192,12 +192,13 @@ impl<'a> RobotUser<'a> {
         let mut prompt = self.project.prompts.get(&(frame, label)).cloned().unwrap_or_default();
         prompt.clicks.push(click);
         let segmenter = self.segmenter.name().to_owned();
-        let request = PromptRequest { frame, label, prompt: prompt.clone(), segmenter };
+        let mut request = PromptRequest { frame, label, prompt, segmenter };
+        request.prompt.corrects = corrects(&self.project, &mask_of(&self.project, frame)?, &request);
         let of = self.project.frame(frame)?;
         let ready = self.prepared.get(self.segmenter, of, &self.sequence.store, self.progress)?;
         let region = answer(ready.as_ref(), &self.project, &request, self.progress)?;
         let mask = with_answer(&self.project, &request, &region)?;
-        self.project.apply(Edit::SetPrompt { frame, label, prompt: Some(prompt) })?;
+        self.project.apply(Edit::SetPrompt { frame, label, prompt: Some(request.prompt) })?;
         self.project.apply(Edit::SetMask { frame, mask: Some(anchor(&mask)) })?;
         self.clicks += 1;
         Ok(())

@@ -64,7 +64,7 @@ fn parts_and_prompts_outside_the_picture_are_refused() {
     }
     let frame = sam.prepare(&image, None, &Progress::default()).unwrap();
     let outside = Click { at_px: glam::DVec2::new(40.0, 3.0), include: true };
-    for prompt in [Prompt::default(), Prompt { clicks: vec![outside], boxes: Vec::new() }] {
+    for prompt in [Prompt::default(), Prompt { clicks: vec![outside], ..Prompt::default() }] {
         let request = SegmentRequest { prompt: &prompt, previous: None, taken: None };
         assert!(matches!(frame.segment(&request, &Progress::default()), Err(MaskError::Request(_))));
     }

@@ -59,7 +59,7 @@ fn whole() -> Option<SamFrame> {
 }
 
 fn answer(frame: &SamFrame, clicks: &[Click], boxes: &[PxBox], previous: Option<&Region>) -> Region {
-    let prompt = Prompt { clicks: clicks.to_vec(), boxes: boxes.to_vec() };
+    let prompt = Prompt { clicks: clicks.to_vec(), boxes: boxes.to_vec(), ..Prompt::default() };
     frame.segment(&SegmentRequest { prompt: &prompt, previous, taken: None }, &Progress::default()).unwrap()
 }
 
@@ -146,7 +146,7 @@ fn answers_do_not_depend_on_what_was_asked_before() {
 #[test]
 fn clicked_pixels_obey_and_those_of_others_are_left() {
     let Some(frame) = whole() else { return };
-    let prompt = Prompt { clicks: vec![IN_RED, click(40.5, 40.5, false)], boxes: Vec::new() };
+    let prompt = Prompt { clicks: vec![IN_RED, click(40.5, 40.5, false)], ..Prompt::default() };
     let taken = thing([60, 32, 80, 96]);
     let found = frame
         .segment(&SegmentRequest { prompt: &prompt, previous: None, taken: Some(&taken) }, &Progress::default())
@@ -158,14 +158,14 @@ fn clicked_pixels_obey_and_those_of_others_are_left() {
 #[test]
 fn close_up_shows_its_part_only() {
     let Some(sam) = flat() else { return };
-    let prompt = Prompt { clicks: vec![IN_RED], boxes: vec![around(RED)] };
+    let prompt = Prompt { clicks: vec![IN_RED], boxes: vec![around(RED)], ..Prompt::default() };
     let part = Part::around(&prompt, WIDTH, HEIGHT, sam.side()).unwrap();
     assert_eq!(part, Part { x: 0, y: 0, width: 128, height: 128 });
     let part = Part { x: 16, y: 16, ..part };
     let close = frame(&sam, part);
     let found = answer(&close, &[IN_RED], &[], None);
     assert!(found.iou(&thing(RED)) > 0.96, "twice as fine: {}", found.iou(&thing(RED)));
-    let prompt = Prompt { clicks: vec![IN_GREEN], boxes: Vec::new() };
+    let prompt = Prompt { clicks: vec![IN_GREEN], ..Prompt::default() };
     let error = close
         .segment(&SegmentRequest { prompt: &prompt, previous: None, taken: None }, &Progress::default())
         .unwrap_err();
@@ -179,7 +179,7 @@ fn close_up_shows_its_part_only() {
     expected.unite(&thing([0, 60, 32, 70]));
     assert!(refined.at(2, 62) && alike(&refined, &expected), "{}", refined.iou(&expected));
     let far = PxBox { min_px: DVec2::ZERO, max_px: DVec2::new(250.0, 20.0) };
-    assert_eq!(Part::around(&Prompt { clicks: Vec::new(), boxes: vec![far] }, WIDTH, HEIGHT, 256), None);
+    assert_eq!(Part::around(&Prompt { boxes: vec![far], ..Prompt::default() }, WIDTH, HEIGHT, 256), None);
     assert_eq!(Part::around(&Prompt::default(), WIDTH, HEIGHT, 256), None);
 }
 
@@ -188,7 +188,7 @@ fn close_ups_are_looked_at_once_for_all_that_lies_in_them() {
     let Some(sam) = flat() else { return };
     let close = CloseUps::new(Arc::new(sam), Arc::new(picture()));
     let answer = |clicks: &[Click], previous: Option<&Region>| {
-        let prompt = Prompt { clicks: clicks.to_vec(), boxes: Vec::new() };
+        let prompt = Prompt { clicks: clicks.to_vec(), ..Prompt::default() };
         let request = SegmentRequest { prompt: &prompt, previous, taken: None };
         close.segment(&request, &Progress::default())
     };
@@ -197,7 +197,7 @@ fn close_ups_are_looked_at_once_for_all_that_lies_in_them() {
     assert!(close_by(&red) > 0 && thing(RED).inside.iter().zip(&red.inside).all(|(thing, found)| *thing || !found));
     let stopped = Progress::default();
     stopped.stop();
-    let prompt = |clicks: Vec<Click>| Prompt { clicks, boxes: Vec::new() };
+    let prompt = |clicks: Vec<Click>| Prompt { clicks, ..Prompt::default() };
     let asked = |prompt: &Prompt| {
         close.segment(&SegmentRequest { prompt, previous: None, taken: None }, &stopped).map(|region| close_by(&region))
     };

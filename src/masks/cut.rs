@@ -1,6 +1,5 @@
-use super::picture::Picture;
-use crate::masks::lab::squared_difference;
-use crate::masks::maxflow::{FlowGraph, Link};
+use super::lab::squared_difference;
+use super::maxflow::{FlowGraph, Link};
 
 /// Capacity units per natural logarithm of odds.
 const UNIT: f32 = 10_000.0;
@@ -9,7 +8,7 @@ const LEAST: f32 = 0.03;
 
 /// A rectangle of pixels: columns `left..right`, rows `top..bottom`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Window {
+pub(in crate::masks) struct Window {
     pub left: usize,
     pub top: usize,
     pub right: usize,
@@ -33,17 +32,17 @@ impl Window {
 
 /// Prices of an outline between the pixels of a window: it costs least where colours change (Boykov, Jolly,
 /// "Interactive graph cuts", ICCV 2001).
-pub(super) struct Borders {
+pub(in crate::masks) struct Borders {
     window: Window,
     links: Vec<Link>,
 }
 
 impl Borders {
-    /// `weight` is the price per pixel side on even colour, a natural logarithm of odds.
-    pub fn new(picture: &Picture, window: Window, weight: f32) -> Self {
-        let places: Vec<usize> = window.places(picture.width).collect();
+    /// In a picture of this `width` in CIE Lab; `weight` is the price per pixel side on even colour, a natural logarithm of odds.
+    pub fn new(lab: &[[f32; 3]], width: usize, window: Window, weight: f32) -> Self {
+        let places: Vec<usize> = window.places(width).collect();
         let (width, height) = (window.width(), window.height());
-        let lab = |at: usize| picture.lab[places[at]];
+        let lab = |at: usize| lab[places[at]];
         let pairs = |at: usize| {
             let right = (at % width + 1 < width).then_some((at, at + 1));
             let below = (at / width + 1 < height).then_some((at, at + width));
@@ -57,6 +56,12 @@ impl Borders {
             Link { from: a as u32, to: b as u32, forward: price as i32, backward: price as i32 }
         };
         Self { window, links: pairs.iter().map(link).collect() }
+    }
+
+    /// Without any price between pixels of the window that are not both `open`.
+    pub fn among(mut self, open: &[bool]) -> Self {
+        self.links.retain(|link| open[link.from as usize] && open[link.to as usize]);
+        self
     }
 
     /// The pixels of the window that are inside at the least energy, where `odds` above 0 speak for inside; `bias` is
