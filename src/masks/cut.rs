@@ -58,7 +58,8 @@ impl Borders {
         Self { window, links: pairs.iter().map(link).collect() }
     }
 
-    /// Without any price between pixels of the window that are not both `open`.
+    /// Without any price between pixels of the window that are not both `open`; what is even colour is told from the whole
+    /// window.
     pub fn among(mut self, open: &[bool]) -> Self {
         self.links.retain(|link| open[link.from as usize] && open[link.to as usize]);
         self

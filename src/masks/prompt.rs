@@ -56,6 +56,12 @@ pub struct Prompt {
 }
 
 impl Prompt {
+    /// Whether two prompts hold the same clicks and boxes.
+    #[must_use]
+    pub fn gives_as(&self, other: &Self) -> bool {
+        self.clicks == other.clicks && self.boxes == other.boxes
+    }
+
     /// Whether nothing was given.
     #[must_use]
     pub fn is_empty(&self) -> bool {

@@ -92,31 +92,40 @@ fn thin_parts_are_kept_between_anchors() {
     assert!(j >= 0.875 && f >= 0.93, "J {j:.3}, F {f:.3}");
 }
 
-/// A bicycle, whose tracked masks are wrong by pieces of some ten pixels to a side: each click mends one of these and leaves the
-/// rest. Answered as a click that builds a mask, two of three clicks lowered the IoU, by 0.06 on average.
+/// A bicycle, whose tracked masks are wrong by pieces of some ten pixels to a side: a click mends one of these and leaves the
+/// rest. Answered as clicks that build a mask, four of ten lower the IoU, and by more than the others raise it.
 #[test]
 fn a_click_on_a_tracked_mask_betters_it() {
     let Some(data) = data_dir() else { return };
     let Carried { request, truths, tracked } = carried(&FlowTracker::default(), &data, "bmx-trees", 4);
-    let mut gains = Vec::new();
+    let mut gains = [Vec::new(), Vec::new()];
     for (frame, mask) in tracked.iter().step_by(3) {
-        let (truth, mut answer) = (truths[*frame].region(LabelId(1)), mask.region(LabelId(1)));
+        let truth = truths[*frame].region(LabelId(1));
         let image = request.store.image(&request.frames[*frame]).unwrap();
         let ready = BuiltinSegmenter.prepare(&image, None, &Progress::default()).unwrap();
-        let mut prompt = Prompt { corrects: true, ..Prompt::default() };
-        for _ in 0..4 {
-            let Some(click) = next_click(&truth, &answer).filter(|_| answer.iou(&truth) < 0.9) else { break };
-            prompt.clicks.push(click);
-            let asked = SegmentRequest { prompt: &prompt, previous: Some(&answer), taken: None };
-            let next = ready.segment(&asked, &Progress::default()).unwrap();
-            gains.push(next.iou(&truth) - answer.iou(&truth));
-            answer = next;
+        for (corrects, gains) in [true, false].into_iter().zip(&mut gains) {
+            let mut prompt = Prompt { corrects, ..Prompt::default() };
+            let mut answer = mask.region(LabelId(1));
+            for _ in 0..4 {
+                let Some(click) = next_click(&truth, &answer).filter(|_| answer.iou(&truth) < 0.9) else { break };
+                prompt.clicks.push(click);
+                let asked = SegmentRequest { prompt: &prompt, previous: Some(&answer), taken: None };
+                let next = ready.segment(&asked, &Progress::default()).unwrap();
+                gains.push(next.iou(&truth) - answer.iou(&truth));
+                answer = next;
+            }
         }
     }
-    let better = gains.iter().filter(|gain| **gain > 0.0).count() as f64 / gains.len() as f64;
-    let mean = gains.iter().sum::<f64>() / gains.len() as f64;
-    println!("bmx-trees: {} clicks, {better:.2} of them for the better, on average {mean:+.4}", gains.len());
-    assert!(gains.len() > 40 && better >= 0.7 && mean >= 0.003, "{better:.2} of {}, {mean:+.4}", gains.len());
+    let [mends, builds] = gains.map(|gains| {
+        let count = gains.len() as f64;
+        let better = gains.iter().filter(|gain| **gain > 0.0).count() as f64 / count;
+        (gains.len(), better, gains.iter().sum::<f64>() / count)
+    });
+    println!(
+        "bmx-trees, clicks, share for the better, mean gain of IoU: {mends:.4?}; as clicks that build {builds:.4?}"
+    );
+    assert!(mends.0 > 40 && mends.1 >= 0.7 && mends.2 >= 0.003, "{mends:.4?}");
+    assert!(builds.1 < mends.1 && builds.2 < 0.0, "{builds:.4?}: answered so, clicks lower the IoU");
 }
 
 /// Over all seven films the mean J grows by 0.022 and F by 0.028 (`cargo bench --bench flow -- --memory`).

@@ -121,7 +121,7 @@ impl Draft {
     /// Forgets what was sent and has arrived in the project.
     pub fn follow(&mut self, project: &Project) {
         if let Some((frame, label, prompt)) = &self.sent_prompt
-            && project.prompts.get(&(*frame, *label)).cloned().unwrap_or_default() == *prompt
+            && project.prompts.get(&(*frame, *label)).unwrap_or(&Prompt::default()).gives_as(prompt)
         {
             self.sent_prompt = None;
         }
@@ -158,7 +158,8 @@ mod tests {
         draft.sent(3, label, one.clone());
         assert_eq!(draft.prompt(&project, 3, label), one);
         assert!(draft.prompt(&project, 4, label).is_empty());
-        project.prompts.insert((3, label), one.clone());
+        // The project notes beside it what the clicks were given on.
+        project.prompts.insert((3, label), Prompt { corrects: true, ..one });
         draft.follow(&project);
         project.prompts.remove(&(3, label));
         assert!(draft.prompt(&project, 3, label).is_empty(), "undo is believed");

@@ -25,7 +25,7 @@ struct MendOptions {
     alike_delta_e: f32,
     /// Likelihood of a colour met nowhere.
     rare: f32,
-    /// Log odds against a pixel for each depth of the click between the two.
+    /// Log odds against a pixel for each depth of its distance from the click.
     fading: f32,
     /// How thick the change is for sure, in depths, and the log odds against what is thicker by one depth.
     thick: (f32, f32),
@@ -52,9 +52,10 @@ const CLEAR: f32 = 3.0;
 /// Log odds of what is certain.
 const CERTAIN: f32 = 1e3;
 
-/// The mask `previous` with the one place mended that the last of `clicks` means. What is `taken` and what earlier clicks said
-/// otherwise of stays as it is. Lengths grow with `factor`, by which the picture is larger than what is worked on. `None` where
-/// nothing near the click is on its side: then it is no place of the mask's border, but a part of its own.
+/// The mask `previous` with the one place mended that the last of `clicks` means; as it is where the click says nothing new.
+/// What is `taken` and what earlier clicks said otherwise of stays. Lengths grow with `factor`, by which the picture is larger
+/// than what is worked on. `None` where nothing near the click is on its side: then it is no place of the mask's border, but a
+/// part of its own.
 pub(super) fn mended(
     image: &Image,
     factor: usize,
@@ -62,12 +63,12 @@ pub(super) fn mended(
     clicks: &[Click],
     taken: Option<&Region>,
 ) -> Option<Region> {
+    let (click, earlier) = clicks.split_last()?;
+    let at = click.pixel_in(image.width, image.height)?;
     let mut answer = previous.clone();
     if let Some(taken) = taken {
         answer.subtract(taken);
     }
-    let (click, earlier) = clicks.split_last()?;
-    let at = click.pixel_in(image.width, image.height)?;
     if answer.inside[at] != click.include && !taken.is_some_and(|taken| taken.inside[at]) {
         for at in Site::new(image, factor as f32, &answer, click, earlier, taken)?.change() {
             answer.inside[at] = click.include;
@@ -89,6 +90,8 @@ struct Site {
     /// Depth of the click and of one pixel of the reduced picture, pixels.
     depth_px: f32,
     unit_px: f32,
+    /// Which of the pixels is clicked.
+    clicked: usize,
 }
 
 impl Site {
@@ -108,11 +111,13 @@ impl Site {
         let window = Window { left, top, right, bottom };
         let places: Vec<usize> = window.places(width).collect();
         let centre = |at: usize| DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
+        // Who clicks where another click was takes that one back.
+        let near = f64::from(unit_px);
+        let against = |other: &&Click| other.include != click.include && other.at_px.distance(click.at_px) > 2.0 * near;
+        let against: Vec<&Click> = earlier.iter().filter(against).collect();
         let holds = |at: usize| {
-            let other = |other: &&Click| {
-                other.include != click.include && other.at_px.distance(centre(at)) <= f64::from(unit_px)
-            };
-            earlier.iter().any(|click| other(&click)) || taken.is_some_and(|taken| taken.inside[at])
+            against.iter().any(|other| other.at_px.distance(centre(at)) <= near)
+                || taken.is_some_and(|taken| taken.inside[at])
         };
         let joined: Vec<bool> = places.iter().map(|&at| mask.inside[at] == click.include).collect();
         let open: Vec<bool> = places.iter().zip(&joined).map(|(&at, joined)| !joined && !holds(at)).collect();
@@ -122,9 +127,9 @@ impl Site {
         let own = Region { width: window.width() as u32, height: window.height() as u32, inside: joined };
         let to_own: Vec<f32> = squared_distance_to(&own).into_iter().map(|squared| (squared as f32).sqrt()).collect();
         let to_click: Vec<f32> = places.iter().map(|&at| centre(at).distance(click.at_px) as f32).collect();
-        let nearest = (0..places.len()).min_by(|&a, &b| to_click[a].total_cmp(&to_click[b])).unwrap_or(0);
+        let clicked = (click.at_px.y as usize - top) * window.width() + click.at_px.x as usize - left;
         let (least, most) = OPTIONS.depth_px;
-        let depth_px = to_own[nearest].clamp(least * unit_px, most * unit_px);
+        let depth_px = to_own[clicked].clamp(least * unit_px, most * unit_px);
         let in_depths = |all: Vec<f32>| all.into_iter().map(|px| px / depth_px).collect();
         Some(Self {
             lab: places.iter().map(|&at| lab_of_pixel(image.pixels[at])).collect(),
@@ -135,21 +140,22 @@ impl Site {
             open,
             depth_px,
             unit_px,
+            clicked,
         })
     }
 
     /// The pixels to change: the part of the cheapest cut that the click lies in.
     fn change(&self) -> Vec<usize> {
         let local = Window { left: 0, top: 0, right: self.window.width(), bottom: self.window.height() };
-        let borders = Borders::new(&self.lab, local.right, local, OPTIONS.outline).among(&self.open);
+        let borders = Borders::new(&self.lab, local.right, local, OPTIONS.outline * self.unit_px).among(&self.open);
         let mut inside = borders.cut(&self.odds(), 0.0);
         inside.iter_mut().zip(&self.open).for_each(|(inside, open)| *inside &= open);
         let region = Region { width: local.right as u32, height: local.bottom as u32, inside };
         let parts = components(&region, Connectivity::Eight).labels;
-        let meant =
-            (0..parts.len()).filter(|&at| parts[at] > 0).min_by(|&a, &b| self.apart[a].total_cmp(&self.apart[b]));
-        let is_meant = |at: &usize| meant.is_some_and(|meant| parts[meant] == parts[*at]);
-        (0..parts.len()).filter(is_meant).map(|at| self.places[at]).collect()
+        (0..parts.len())
+            .filter(|&at| parts[at] > 0 && parts[at] == parts[self.clicked])
+            .map(|at| self.places[at])
+            .collect()
     }
 
     /// Log odds that a pixel is meant.

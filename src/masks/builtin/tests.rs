@@ -155,12 +155,35 @@ fn a_click_on_a_given_mask_mends_the_place_that_it_is_in_and_no_other() {
 }
 
 #[test]
+fn a_given_mask_is_mended_in_large_pictures_and_up_to_the_edge_and_with_depth_by_regions() {
+    let inside = |x: u32, y: u32| (x > 900) && (300..900).contains(&y);
+    let image = picture(1601, 1203, |x, y| if inside(x, y) { [180, 60, 40] } else { [70, 110, 90] });
+    let is_missed = |x: u32, y: u32| x >= 1585 && (590..606).contains(&y);
+    let mut damaged = Region::empty(1601, 1203);
+    for at in 0..1601 * 1203 {
+        damaged.inside[at as usize] = inside(at % 1601, at / 1601) && !is_missed(at % 1601, at / 1601);
+    }
+    let frame = prepared(&image, None);
+    let mended = corrected(&*frame, &damaged, &[click(1600.5, 598.0, true)], None);
+    let added = || (0..1601 * 1203u32).filter(|&at| mended.inside[at as usize] && !damaged.inside[at as usize]);
+    assert!(added().count() > 150 && added().all(|at| is_missed(at % 1601, at / 1601)), "{} of 256", added().count());
+    let depth = || Some(DepthMap { width: WIDTH, height: HEIGHT, depths: vec![1.0; (WIDTH * HEIGHT) as usize] });
+    let frame = prepared(&disc_picture(), depth());
+    let prompt = of_clicks(&[click(112.0, 60.0, true)]);
+    let request = SegmentRequest { prompt: &prompt, previous: Some(&damaged_disc()), taken: None };
+    let by_regions = frame.segment(&request, &Progress::default()).unwrap();
+    assert_eq!(corrected(&*frame, &damaged_disc(), &prompt.clicks, None), by_regions);
+}
+
+#[test]
 fn a_mended_place_keeps_to_earlier_clicks_and_to_what_is_taken() {
     let frame = prepared(&disc_picture(), None);
     let damaged = damaged_disc();
     let clicks = [click(109.5, 57.5, false), click(112.0, 60.0, true)];
     let mended = corrected(&*frame, &damaged, &clicks, None);
     assert!(mended.at(112, 60) && !mended.at(109, 57), "the earlier click holds");
+    let again = [click(112.0, 60.0, false), click(112.0, 60.0, true)];
+    assert!(corrected(&*frame, &damaged, &again, None).at(112, 60), "who clicks there again takes it back");
     let mut taken = Region::empty(WIDTH, HEIGHT);
     (56..64).for_each(|y| taken.inside[(y * WIDTH + 114) as usize] = true);
     let mended = corrected(&*frame, &damaged, &clicks[1..], Some(&taken));

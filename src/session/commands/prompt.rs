@@ -125,11 +125,30 @@ pub fn answer(
     progress: &Progress,
 ) -> Result<Region> {
     let mask = mask_of(project, request.frame)?;
-    let previous = refines(project, request).then(|| mask.region(request.label)).filter(|region| region.area() > 0);
-    let taken = taken(project, &mask, request);
-    let prompt = Prompt { corrects: corrects(project, &mask, request), ..against_rivals(project, &mask, request) };
-    let request = SegmentRequest { prompt: &prompt, previous: previous.as_ref(), taken: taken.as_ref() };
-    Ok(ready.segment(&request, progress)?)
+    let mut previous = refines(project, &mask, request).then(|| mask.region(request.label)).filter(|is| is.area() > 0);
+    if corrects(project, &mask, request) {
+        // Of several new clicks on a mask each is answered on its own.
+        let before = project.prompts.get(&(request.frame, request.label)).map_or(0, |before| before.clicks.len());
+        for clicks in before + 1..request.prompt.clicks.len() {
+            let mut request = request.clone();
+            request.prompt.clicks.truncate(clicks);
+            previous = Some(ask(ready, (project, &mask), &request, previous.as_ref(), progress)?);
+        }
+    }
+    ask(ready, (project, &mask), request, previous.as_ref(), progress)
+}
+
+/// One answer, which refines a `previous` one.
+fn ask(
+    ready: &dyn PreparedFrame,
+    (project, mask): (&Project, &LabelMask),
+    request: &PromptRequest,
+    previous: Option<&Region>,
+    progress: &Progress,
+) -> Result<Region> {
+    let taken = taken(project, mask, request);
+    let prompt = Prompt { corrects: corrects(project, mask, request), ..against_rivals(project, mask, request) };
+    Ok(ready.segment(&SegmentRequest { prompt: &prompt, previous, taken: taken.as_ref() }, progress)?)
 }
 
 /// The frame's mask with the answer to a prompt composed into it.
@@ -141,19 +160,22 @@ pub fn with_answer(project: &Project, request: &PromptRequest, region: &Region) 
 }
 
 /// Whether the new prompt is the former one and one click more, or the first click on a mask that a tracker brought:
-/// then the answer is refined, not begun anew.
-fn refines(project: &Project, request: &PromptRequest) -> bool {
+/// then the answer is refined, not begun anew. On a mask that is corrected there may be several clicks more: who clicks faster
+/// than answers come does not lose what the clicks are on.
+fn refines(project: &Project, mask: &LabelMask, request: &PromptRequest) -> bool {
     let nothing = Prompt::default();
     let before = project.prompts.get(&(request.frame, request.label)).unwrap_or(&nothing);
     let Prompt { clicks, boxes, .. } = &request.prompt;
-    *boxes == before.boxes && clicks.split_last().is_some_and(|(_, first)| first == before.clicks)
+    let goes_on = *boxes == before.boxes && clicks.starts_with(&before.clicks);
+    goes_on && (clicks.len() == before.clicks.len() + 1 || corrects(project, mask, request))
 }
 
 /// Whether a prompt's clicks mend a mask that the label had on the frame before any of them.
 pub fn corrects(project: &Project, mask: &LabelMask, request: &PromptRequest) -> bool {
+    let Prompt { clicks, boxes, .. } = &request.prompt;
     match project.prompts.get(&(request.frame, request.label)) {
-        Some(before) => before.corrects,
-        None => request.prompt.boxes.is_empty() && mask.ids.contains(&request.label),
+        Some(before) => before.corrects && *boxes == before.boxes && clicks.starts_with(&before.clicks),
+        None => boxes.is_empty() && mask.ids.contains(&request.label),
     }
 }
 

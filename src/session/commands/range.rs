@@ -181,7 +181,8 @@ fn merged_prompts(project: &Project, frame: usize, labels: &BTreeSet<LabelId>, i
     if moved.is_empty() {
         return Vec::new();
     }
-    let mut prompt = given(into).cloned().unwrap_or_default();
+    let corrects = moved.iter().all(|(_, other)| other.corrects);
+    let mut prompt = given(into).cloned().unwrap_or_else(|| Prompt { corrects, ..Prompt::default() });
     let mut edits = Vec::new();
     for (label, other) in moved {
         prompt.clicks.extend(other.clicks.iter().filter(|click| click.include).copied().collect::<Vec<Click>>());

@@ -105,9 +105,9 @@ fn moved_clicks(project: &Project, cut: &Cut, frame: usize, part: &Region) -> Ve
         return Vec::new();
     }
     let kept = Prompt { clicks: kept, ..given.clone() };
-    let mut there = project.prompts.get(&(frame, cut.into)).cloned().unwrap_or_default();
+    let there = project.prompts.get(&(frame, cut.into)).cloned();
+    let mut there = there.unwrap_or_else(|| Prompt { corrects: given.corrects, ..Prompt::default() });
     there.clicks.extend(moved);
-    there.corrects |= given.corrects;
     let kept = (!kept.is_empty()).then_some(kept);
     vec![
         Edit::SetPrompt { frame, label: cut.label, prompt: kept },
