@@ -365,7 +365,8 @@ const LIST: &[Row] = {
         A::UseTool(Tool::Click), EDIT, true, "Click and box tool", "Left click includes, right click excludes, dragging makes a box", plain(Key::V);
         A::UseTool(Tool::Brush), EDIT, false, "Brush tool", "Paints the chosen label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
         A::UseTool(Tool::Eraser), EDIT, false, "Eraser tool", "Takes the chosen label away; Shift+wheel sets the size", plain(Key::X);
-        A::UseTool(Tool::Polygon), EDIT, false, "Polygon tool", "Click corners; Enter or a double click fills the polygon, Backspace or right click takes the last one", plain(Key::G);
+        A::UseTool(Tool::Polygon), EDIT, false, "Polygon tool", "Click corners, or draw around with the button held; Enter or a double click fills the polygon (with Ctrl takes the label away), Backspace or right click takes the last corner", plain(Key::G);
+        A::UseTool(Tool::Pull), EDIT, false, "Pull tool", "Press on the border of the chosen label and drag it to where it belongs", shift(Key::G);
         A::UseTool(Tool::Thin), EDIT, false, "Thin-structure tool", "Click two or more points along a stem or wire; Enter or a double click traces it, Backspace or right click takes the last one", plain(Key::W);
         A::SmallerBrush, EDIT, false, "Smaller brush", "Makes the brush smaller", plain(Key::OpenBracket);
         A::LargerBrush, EDIT, false, "Larger brush", "Makes the brush larger", plain(Key::CloseBracket);

@@ -147,7 +147,7 @@ fn interact_table(report: &InteractReport) -> String {
         text += &format!("clicks to mean IoU {:.2} {clicks:>8}\n", goal.mean_iou);
     }
     text += &format!(
-        "at the end mean IoU {:.4} after {} clicks ({} corners of outlines), {} frames corrected, {:.1} s\n",
+        "at the end mean IoU {:.4} after {} clicks ({} corners of outlines and borders pulled), {} frames corrected, {:.1} s\n",
         report.mean_iou, report.clicks, report.corners, report.corrected, report.seconds
     );
     let share = |share: Option<f64>| share.map_or_else(|| "—".to_owned(), |share| format!("{:.0} %", 100.0 * share));

@@ -33,8 +33,8 @@ mod unexplained;
 pub use components::{Components, Connectivity, components};
 pub use distance::{deepest_point, squared_depth_in, squared_distance_to};
 pub use edit::{
-    PaintRule, ShapeBlend, assign, compose, erase, fill_polygons, hold, nearer_part, snapped_stroke, stroke,
-    taken_by_others, tidy, transfer,
+    ElasticBorders, PaintRule, Pull, ShapeBlend, assign, compose, erase, fill_polygons, hold, nearer_part,
+    polygon_spans, pull, snapped_stroke, stroke, taken_by_others, tidy, transfer,
 };
 pub use error::MaskError;
 pub use formats::{

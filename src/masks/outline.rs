@@ -90,10 +90,15 @@ fn keep_corners(line: &[DVec2], ends: (usize, usize), tolerance_px: f64, kept: &
 
 /// Distance of a point to the segment from `a` to `b`.
 pub(super) fn distance_to_segment(point: DVec2, a: DVec2, b: DVec2) -> f64 {
+    point.distance(nearest_on_segment(point, a, b))
+}
+
+/// The point of the segment from `a` to `b` that is nearest to a point.
+pub(super) fn nearest_on_segment(point: DVec2, a: DVec2, b: DVec2) -> DVec2 {
     let along = b - a;
     let length2 = along.length_squared();
     let share = if length2 > 0.0 { ((point - a).dot(along) / length2).clamp(0.0, 1.0) } else { 0.0 };
-    point.distance(a + share * along)
+    a + share * along
 }
 
 /// Walks along pixel corners with the inside on the right hand.

@@ -35,6 +35,7 @@ impl Session {
             Command::Ground(request) => self.ground(request).map(Some),
             Command::TakeFound(request) => self.take_found(request).map(Some),
             Command::Paint(request) => self.paint(request),
+            Command::Pull(request) => self.pull(request).map(|()| None),
             Command::Trace(request) => self.trace(request).map(Some),
             Command::Tidy(request) => self.tidy(request).map(|()| None),
             Command::MakeAnchor { frame } => self.make_anchor(*frame).map(|()| None),

@@ -3,8 +3,8 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    ExportRequest, FuseRequest, GroundRequest, PaintRequest, PromptRequest, RangeRequest, ReconstructRequest,
-    ScaleRequest, TakeRequest, TidyRequest, TraceRequest,
+    ExportRequest, FuseRequest, GroundRequest, PaintRequest, PromptRequest, PullRequest, RangeRequest,
+    ReconstructRequest, ScaleRequest, TakeRequest, TidyRequest, TraceRequest,
 };
 use crate::frames::cameras::IntrinsicsSource;
 use crate::masks::{Direction, LabelId};
@@ -51,6 +51,8 @@ pub enum Command {
     TakeFound(TakeRequest),
     /// Brush, eraser or polygon on a frame's mask; the frame becomes an anchor.
     Paint(PaintRequest),
+    /// Pulls the border of a label on a frame; the frame becomes an anchor.
+    Pull(PullRequest),
     /// Gives a thin structure through some points to a label; the frame becomes an anchor.
     Trace(TraceRequest),
     /// Fills small holes of a label on a frame and removes its islands; a frame that changes becomes an anchor.
@@ -136,7 +138,8 @@ impl Command {
     #[must_use]
     pub fn is_interaction(&self) -> bool {
         use Command as C;
-        let on_a_frame = matches!(self, C::Prompt(_) | C::TakeFound(_) | C::Paint(_) | C::Trace(_) | C::Tidy(_));
+        let on_a_frame =
+            matches!(self, C::Prompt(_) | C::TakeFound(_) | C::Paint(_) | C::Pull(_) | C::Trace(_) | C::Tidy(_));
         let in_space = matches!(self, C::CorrectCloud(_) | C::MergeLabels { .. });
         on_a_frame
             || in_space

@@ -64,6 +64,21 @@ pub struct PaintRequest {
     pub snap: bool,
 }
 
+/// A border of a label pulled to where it belongs, on a frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PullRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// The label whose border is pulled.
+    pub label: LabelId,
+    /// Pulled from the place on its borders that is nearest to this, in pixels.
+    pub from_px: DVec2,
+    /// Where it is pulled to, in pixels.
+    pub to_px: DVec2,
+    /// `true` = pixels of other labels are taken over too.
+    pub replace: bool,
+}
+
 /// A thin structure (stem, wire) on a frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TraceRequest {

@@ -69,7 +69,8 @@ pub use history::{Change, History, Step};
 pub use instances_request::InstancesRequest;
 pub use marks::Marks;
 pub use mask_requests::{
-    GroundRequest, PaintRequest, PromptRequest, RangeChange, RangeRequest, TakeRequest, TidyRequest, TraceRequest,
+    GroundRequest, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest, TakeRequest, TidyRequest,
+    TraceRequest,
 };
 pub use measuring::MeasureWish;
 pub use models::{ModelRequest, ModelTask, add_model, check_model, install_model, list_models};

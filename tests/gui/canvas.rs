@@ -4,8 +4,8 @@ use egui::{Key, Modifiers, PointerButton};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use ostra::app::Tool;
-use ostra::masks::LabelId;
-use ostra::session::{Command, PaintRequest, PromptRequest, TraceRequest};
+use ostra::masks::{ElasticBorders, LabelId};
+use ostra::session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequest};
 
 use crate::desk::{Desk, click_at, drag, drag_fast, on_screen, press};
 
@@ -139,6 +139,77 @@ fn polygon_is_filled_when_the_first_corner_is_clicked_again() {
     let asked = paints(&harness.state().asked);
     assert_eq!(asked.len(), 1);
     assert_eq!((asked[0].points_px.len(), asked[0].radius_px), (3, 0.0));
+}
+
+#[test]
+fn a_lasso_is_filled_when_the_button_is_let_go_and_with_ctrl_the_label_is_taken_away() {
+    let mut harness = Desk::sample().shown();
+    press(&mut harness, Modifiers::NONE, Key::G);
+    let places = [[10.0, 10.0], [30.0, 10.0], [30.0, 30.0], [10.0, 30.0]].map(|[x, y]| on_screen(&harness, x, y));
+    drag_fast(&mut harness, &places, PointerButton::Primary);
+    let asked = paints(&harness.state().asked);
+    let [lasso] = &asked[..] else { panic!("one lasso: {:?}", harness.state().asked) };
+    assert_eq!((lasso.radius_px, lasso.erase, lasso.label), (0.0, false, LabelId(1)));
+    assert!(lasso.points_px.len() >= 4, "{:?}", lasso.points_px);
+    assert!(lasso.points_px.iter().all(|p| (9.5..30.5).contains(&p.x) && (9.5..30.5).contains(&p.y)));
+    assert!(!harness.state().shell.view.draft.is_half_made(), "the next one begins anew");
+
+    harness.state_mut().asked.clear();
+    for (x, y) in [(10.0, 10.0), (40.0, 12.0), (30.0, 35.0)] {
+        let at = on_screen(&harness, x, y);
+        click_at(&mut harness, at, PointerButton::Primary);
+        harness.run_steps(30);
+    }
+    press(&mut harness, Modifiers::COMMAND, Key::Enter);
+    let asked = paints(&harness.state().asked);
+    assert_eq!(asked.iter().map(|paint| (paint.points_px.len(), paint.erase)).collect::<Vec<_>>(), [(3, true)]);
+}
+
+#[test]
+fn escape_drops_a_lasso_in_hand() {
+    let mut harness = Desk::sample().shown();
+    press(&mut harness, Modifiers::NONE, Key::G);
+    let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 20.0));
+    harness.hover_at(from);
+    harness.drag_at(from);
+    harness.run_steps(1);
+    harness.hover_at(to);
+    harness.run_steps(2);
+    assert!(harness.state().shell.view.draft.lasso.is_some());
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    harness.hover_at(from);
+    harness.run_steps(1);
+    harness.drop_at(to);
+    harness.run_steps(2);
+    assert!(paints(&harness.state().asked).is_empty() && harness.state().shell.view.draft.corners.is_empty());
+}
+
+/// The borders that were asked to be pulled.
+fn pulls(asked: &[Command]) -> Vec<&PullRequest> {
+    asked.iter().filter_map(|command| if let Command::Pull(request) = command { Some(request) } else { None }).collect()
+}
+
+#[test]
+fn a_border_is_pulled_from_where_it_is_pressed_and_nothing_away_from_it() {
+    let mut harness = Desk::sample().shown();
+    harness.state_mut().shell.view.label = Some(LabelId(2));
+    let region = harness.state().project.masks[&0].runs.decode().region(LabelId(2));
+    let border = ElasticBorders::of(&region).nearest(glam::DVec2::new(17.0, 21.0)).unwrap();
+    press(&mut harness, Modifiers::SHIFT, Key::G);
+    assert_eq!(harness.state().shell.view.tool, Tool::Pull);
+    let from = on_screen(&harness, border.x as f32, border.y as f32);
+    let to = on_screen(&harness, border.x as f32 + 6.0, border.y as f32 + 2.0);
+    drag(&mut harness, from, to, PointerButton::Primary);
+    let asked = pulls(&harness.state().asked);
+    let [pull] = &asked[..] else { panic!("one pull: {:?}", harness.state().asked) };
+    assert_eq!((pull.frame, pull.label), (0, LabelId(2)));
+    assert!(pull.from_px.distance(border) < 0.3 && pull.to_px.distance(border + glam::DVec2::new(6.0, 2.0)) < 0.3);
+
+    harness.state_mut().asked.clear();
+    let beside = on_screen(&harness, 55.0, 4.0);
+    drag(&mut harness, beside, to, PointerButton::Primary);
+    assert!(harness.state().asked.is_empty(), "{:?}", harness.state().asked);
+    assert!(harness.state().shell.view.note.contains("border"), "{}", harness.state().shell.view.note);
 }
 
 /// What was asked to be traced.

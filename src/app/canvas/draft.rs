@@ -3,7 +3,7 @@ use std::sync::Arc;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use crate::masks::{LabelId, Prompt, RunMask};
+use crate::masks::{ElasticBorders, LabelId, Prompt, RunMask};
 use crate::session::Project;
 
 /// What the pointer does on the picture.
@@ -15,15 +15,17 @@ pub enum Tool {
     Brush,
     /// Takes the label away.
     Eraser,
-    /// Fills a polygon with the label.
+    /// Fills a polygon or what is drawn around with the label, or takes it away there.
     Polygon,
+    /// Drags a border of the label.
+    Pull,
     /// Gives a thin structure through some points to the label.
     Thin,
 }
 
 impl Tool {
     /// All tools in the order of the tool bar.
-    pub const ALL: [Self; 5] = [Self::Click, Self::Brush, Self::Eraser, Self::Polygon, Self::Thin];
+    pub const ALL: [Self; 6] = [Self::Click, Self::Brush, Self::Eraser, Self::Polygon, Self::Pull, Self::Thin];
 
     /// What the tool bar shows.
     #[must_use]
@@ -33,6 +35,7 @@ impl Tool {
             Self::Brush => "Brush",
             Self::Eraser => "Eraser",
             Self::Polygon => "Polygon",
+            Self::Pull => "Pull",
             Self::Thin => "Thin",
         }
     }
@@ -55,6 +58,19 @@ pub struct Stroke {
     pub snap: bool,
 }
 
+/// A border that is being dragged.
+#[derive(Debug, Clone)]
+pub struct HeldBorder {
+    /// Frame of the mask.
+    pub frame: usize,
+    /// Label whose border it is.
+    pub label: LabelId,
+    /// All borders of the label.
+    pub borders: ElasticBorders,
+    /// The place on them that is held, in picture pixels.
+    pub from_px: DVec2,
+}
+
 /// What is being drawn, and what was sent but is not in the project yet.
 #[derive(Debug, Clone, Default)]
 pub struct Draft {
@@ -64,6 +80,10 @@ pub struct Draft {
     pub stroke: Option<Stroke>,
     /// Corners of the polygon, or points of the thin structure, so far.
     pub corners: Vec<DVec2>,
+    /// What is drawn with the button held, to be joined to the polygon.
+    pub lasso: Option<Vec<DVec2>>,
+    /// The border in hand.
+    pub held: Option<HeldBorder>,
     /// The latest prompt sent: the next click builds on it, before the project has it.
     sent_prompt: Option<(usize, LabelId, Prompt)>,
     /// The latest stroke sent, with the mask it was painted over: shown until the mask changes.
@@ -71,10 +91,11 @@ pub struct Draft {
 }
 
 impl Draft {
-    /// Whether a box, stroke or line of points is being drawn.
+    /// Whether a box, stroke or line of points is being drawn, or a border dragged.
     #[must_use]
     pub fn is_half_made(&self) -> bool {
-        self.box_from.is_some() || self.stroke.is_some() || !self.corners.is_empty()
+        let drawn = !self.corners.is_empty() || self.lasso.is_some();
+        self.box_from.is_some() || self.stroke.is_some() || drawn || self.held.is_some()
     }
 
     /// Drops what is half made; `false` when there was nothing.
@@ -83,6 +104,8 @@ impl Draft {
         self.box_from = None;
         self.stroke = None;
         self.corners.clear();
+        self.lasso = None;
+        self.held = None;
         had
     }
 

@@ -3,7 +3,7 @@ use glam::DVec2;
 
 use super::draft::{Stroke, Tool};
 use super::map::CanvasMap;
-use super::prompts::{box_of, chosen_label, click_at, fill_polygon, paint, trace_thin};
+use super::prompts::{box_of, chosen_label, click_at, fill_polygon, hold_border, paint, pull_border, trace_thin};
 use crate::app::trail::trail;
 use crate::app::{Look, ViewState};
 use crate::session::Command;
@@ -26,6 +26,7 @@ pub(super) fn canvas_input(
         Tool::Click => click_tool(response, map, look, view, out),
         Tool::Brush | Tool::Eraser => brush_tool(ui, response, map, look, view, out),
         Tool::Polygon | Tool::Thin => corners_tool(ui, response, map, look, view, out),
+        Tool::Pull => pull_tool(response, map, look, view, out),
     }
 }
 
@@ -59,6 +60,13 @@ fn position(response: &Response, map: &CanvasMap) -> Option<DVec2> {
     response.interact_pointer_pos().map(|at| map.to_px(at))
 }
 
+/// Where the drag began that begins now.
+fn drag_began(response: &Response, map: &CanvasMap) -> Option<DVec2> {
+    let began = response.drag_started_by(PointerButton::Primary);
+    let moved = response.total_drag_delta().unwrap_or_default();
+    response.interact_pointer_pos().filter(|_| began).map(|at| map.to_px(at - moved))
+}
+
 fn click_tool(response: &Response, map: &CanvasMap, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let at = position(response, map);
     if response.clicked() || response.secondary_clicked() {
@@ -67,10 +75,8 @@ fn click_tool(response: &Response, map: &CanvasMap, look: &Look<'_>, view: &mut 
         }
         return;
     }
-    if response.drag_started_by(PointerButton::Primary) {
-        let moved = response.total_drag_delta().unwrap_or_default();
-        let begin = response.interact_pointer_pos().map(|at| map.to_px(at - moved));
-        view.draft.box_from = begin.map(|at| map.clamped(at));
+    if let Some(begin) = drag_began(response, map) {
+        view.draft.box_from = Some(map.clamped(begin));
     }
     if response.drag_stopped_by(PointerButton::Primary)
         && let (Some(from), Some(to)) = (view.draft.box_from.take(), at)
@@ -115,7 +121,22 @@ fn brush_tool(
     }
 }
 
-/// Corners of a polygon or points of a thin structure, one a click.
+/// How near to a border it is taken hold of, in points of the screen.
+const HOLD_POINTS: f64 = 12.0;
+
+/// A border is dragged to where it belongs.
+fn pull_tool(response: &Response, map: &CanvasMap, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    if let Some(begin) = drag_began(response, map) {
+        hold_border(look, view, begin, HOLD_POINTS / f64::from(map.scale));
+    }
+    if response.drag_stopped_by(PointerButton::Primary)
+        && let (Some(held), Some(to)) = (view.draft.held.take(), position(response, map))
+    {
+        pull_border(&held, map.clamped(to), out);
+    }
+}
+
+/// Corners of a polygon or points of a thin structure, one a click; a polygon may be drawn in one go too.
 fn corners_tool(
     ui: &Ui,
     response: &Response,
@@ -141,9 +162,39 @@ fn corners_tool(
     if response.secondary_clicked() || pressed(Key::Backspace) {
         view.draft.corners.pop();
     }
+    if view.tool == Tool::Polygon {
+        finished |= lasso(ui, response, map, view);
+    }
     match (finished, view.tool) {
         (true, Tool::Thin) => trace_thin(look, view, out),
-        (true, _) => fill_polygon(look, view, out),
+        (true, _) => fill_polygon(look, view, ui.input(|i| i.modifiers.command), out),
         (false, _) => {}
     }
+}
+
+/// A line that stays so near to where it began is a click that was held, in points of the screen.
+const LASSO_POINTS: f32 = 8.0;
+
+/// Follows the pointer while the button is held; whether it was let go after a line that joins the polygon and ends it.
+fn lasso(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) -> bool {
+    let (pressed, down) = ui.input(|i| (i.pointer.primary_pressed(), i.pointer.primary_down()));
+    if pressed && response.is_pointer_button_down_on() {
+        view.draft.lasso = Some(Vec::new());
+    }
+    let Some(line) = &mut view.draft.lasso else { return false };
+    for at in trail(ui, &[PointerButton::Primary]).into_iter().map(|at| map.clamped(map.to_px(at))) {
+        if line.last().is_none_or(|last| last.distance(at) >= 0.5) {
+            line.push(at);
+        }
+    }
+    if down {
+        return false;
+    }
+    let line = view.draft.lasso.take().unwrap_or_default();
+    let is_far = |at: &DVec2| map.to_screen(*at).distance(map.to_screen(line[0])) > LASSO_POINTS;
+    let is_drawn = !response.clicked() && line.iter().any(is_far);
+    if is_drawn {
+        view.draft.corners.extend(line);
+    }
+    is_drawn
 }

@@ -1,7 +1,6 @@
 use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke as Line, TextureId, Vec2};
-use glam::DVec2;
 
-use super::draft::{Stroke, Tool};
+use super::draft::{Draft, HeldBorder, Stroke, Tool};
 use super::map::CanvasMap;
 use crate::app::panels::{is_explained, offered};
 use crate::app::{Look, ViewState};
@@ -42,7 +41,10 @@ pub(super) fn prompts_and_draft(
     if let (Some(from), Some(to)) = (view.draft.box_from, pointer) {
         outlined_rect(painter, Rect::from_two_pos(map.to_screen(from), to), color);
     }
-    corners(painter, map, &view.draft.corners, pointer, color);
+    if let (Some(held), Some(to)) = (&view.draft.held, pointer) {
+        held_border(painter, map, held, to, color);
+    }
+    corners(painter, map, &view.draft, pointer, color);
 }
 
 /// A thing that words found, with its number.
@@ -139,14 +141,31 @@ fn brush_stroke(painter: &Painter, map: &CanvasMap, stroke: &Stroke, color: Colo
     }
 }
 
-fn corners(painter: &Painter, map: &CanvasMap, corners: &[DVec2], pointer: Option<Pos2>, color: Color32) {
-    let mut points: Vec<Pos2> = corners.iter().map(|&at| map.to_screen(at)).collect();
+/// The border as it will be when it is let go, with what gives way for it.
+fn held_border(painter: &Painter, map: &CanvasMap, held: &HeldBorder, to: Pos2, color: Color32) {
+    let Some(pull) = held.borders.pull(held.from_px, map.to_px(to)) else { return };
+    let old: Vec<Pos2> = pull.gives_way.iter().map(|&at| map.to_screen(at)).collect();
+    let (Some(&begin), Some(&end)) = (old.first(), old.last()) else { return };
+    painter.add(Shape::line(old, Line::new(1.0, Color32::WHITE)));
+    outlined_line(painter, vec![begin, to, end], color);
+    painter.circle(to, 4.0, color, Line::new(1.0, Color32::WHITE));
+}
+
+/// The polygon or thin structure so far, with what is being drawn around.
+fn corners(painter: &Painter, map: &CanvasMap, draft: &Draft, pointer: Option<Pos2>, color: Color32) {
+    let mut points: Vec<Pos2> = draft.corners.iter().map(|&at| map.to_screen(at)).collect();
     for (index, &at) in points.iter().enumerate() {
         painter.circle(at, if index == 0 { 5.0 } else { 3.0 }, color, Line::new(1.0, Color32::WHITE));
     }
-    points.extend(pointer.filter(|_| !corners.is_empty()));
+    points.extend(draft.lasso.iter().flatten().map(|&at| map.to_screen(at)));
+    let begun = !points.is_empty();
+    points.extend(pointer.filter(|_| begun));
     if points.len() > 1 {
-        painter.add(Shape::line(points.clone(), Line::new(3.0, Color32::from_black_alpha(140))));
-        painter.add(Shape::line(points, Line::new(1.5, color)));
+        outlined_line(painter, points, color);
     }
+}
+
+fn outlined_line(painter: &Painter, points: Vec<Pos2>, color: Color32) {
+    painter.add(Shape::line(points.clone(), Line::new(3.0, Color32::from_black_alpha(140))));
+    painter.add(Shape::line(points, Line::new(1.5, color)));
 }

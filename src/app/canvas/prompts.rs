@@ -1,10 +1,10 @@
 use glam::DVec2;
 
 use crate::app::{Look, ViewState};
-use crate::masks::{Click, LabelId, Prompt, PxBox, RunMask};
-use crate::session::{Command, PaintRequest, PromptRequest, TraceRequest};
+use crate::masks::{Click, ElasticBorders, LabelId, Prompt, PxBox, RunMask};
+use crate::session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequest};
 
-use super::draft::Stroke;
+use super::draft::{HeldBorder, Stroke};
 
 /// Adds a click for the chosen label.
 pub(in crate::app) fn click_at(
@@ -44,8 +44,8 @@ pub(super) fn paint(look: &Look<'_>, view: &mut ViewState, stroke: Stroke, out: 
     view.draft.sent_stroke(stroke, look.project);
 }
 
-/// Fills the polygon drawn so far; fewer than three different corners are dropped.
-pub(super) fn fill_polygon(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+/// Fills the polygon drawn so far with the label, or takes that away inside; fewer than three different corners are dropped.
+pub(super) fn fill_polygon(look: &Look<'_>, view: &mut ViewState, erase: bool, out: &mut Vec<Command>) {
     let mut points_px = std::mem::take(&mut view.draft.corners);
     points_px.dedup_by(|a, b| a.distance(*b) < 0.5);
     if points_px.len() < 3 {
@@ -57,10 +57,31 @@ pub(super) fn fill_polygon(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<
         label,
         points_px,
         radius_px: 0.0,
-        erase: false,
+        erase,
         replace: true,
         snap: false,
     }));
+}
+
+/// Takes hold of the chosen label's border where it lies within `near_px` of a place.
+pub(super) fn hold_border(look: &Look<'_>, view: &mut ViewState, at_px: DVec2, near_px: f64) {
+    let frame = view.frame;
+    let mask = look.project.masks.get(&frame);
+    let held = view.label.zip(mask).and_then(|(label, mask)| {
+        let borders = ElasticBorders::of(&mask.runs.decode().region(label));
+        let from_px = borders.nearest(at_px).filter(|from| from.distance(at_px) <= near_px)?;
+        Some(HeldBorder { frame, label, borders, from_px })
+    });
+    if held.is_none() {
+        view.note = "Press on the border of the chosen label and drag it to where it belongs".into();
+    }
+    view.draft.held = held;
+}
+
+/// Pulls the border in hand to a place.
+pub(super) fn pull_border(held: &HeldBorder, to_px: DVec2, out: &mut Vec<Command>) {
+    let HeldBorder { frame, label, from_px, .. } = *held;
+    out.push(Command::Pull(PullRequest { frame, label, from_px, to_px, replace: true }));
 }
 
 /// Traces the thin structure through the points so far; one point alone is kept and waits for the next.

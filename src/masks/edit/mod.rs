@@ -1,4 +1,4 @@
-//! Changing masks by hand: brush, eraser, polygon, and a segmenter's answer put into a frame's mask.
+//! Changing masks by hand: brush, eraser, polygon, a border that is pulled, and a segmenter's answer put into a frame's mask.
 //!
 //! May use: masks. Must not touch: files, cameras, 3-D, UI.
 
@@ -8,6 +8,7 @@ mod compose;
 mod hold;
 mod interpolate;
 mod polygon;
+mod pull;
 mod snap;
 mod split;
 mod tidy;
@@ -18,8 +19,8 @@ pub use brush::stroke;
 pub use compose::{compose, taken_by_others};
 pub use hold::hold;
 pub use interpolate::ShapeBlend;
-pub use polygon::fill_polygons;
-pub(super) use polygon::polygon_spans;
+pub use polygon::{fill_polygons, polygon_spans};
+pub use pull::{ElasticBorders, Pull, pull};
 pub use snap::snapped_stroke;
 pub use split::nearer_part;
 pub use tidy::tidy;

@@ -21,31 +21,85 @@ pub fn fill_polygons(width: u32, height: u32, rings: &[Vec<DVec2>]) -> Result<Re
 ///
 /// # Errors
 /// As [`fill_polygons`].
-pub(in crate::masks) fn polygon_spans(
+pub fn polygon_spans(
     width: u32,
     height: u32,
     rings: &[Vec<DVec2>],
     mut emit: impl FnMut(Range<usize>),
 ) -> Result<(), MaskError> {
+    for (row, crossings) in crossings(width, height, rings)? {
+        for pair in crossings.chunks_exact(2) {
+            emit(row.between(pair[0].at, pair[1].at));
+        }
+    }
+    Ok(())
+}
+
+/// The stretches of pixels whose centres a closed polygon goes around, each with how often: above 0 counter-clockwise as
+/// seen, below 0 clockwise.
+///
+/// # Errors
+/// As [`fill_polygons`].
+pub(in crate::masks) fn winding_spans(
+    width: u32,
+    height: u32,
+    ring: &[DVec2],
+    mut emit: impl FnMut(Range<usize>, i32),
+) -> Result<(), MaskError> {
+    for (row, crossings) in crossings(width, height, &[ring])? {
+        let mut turns = 0;
+        for pair in crossings.windows(2) {
+            turns += pair[0].turn;
+            if turns != 0 {
+                emit(row.between(pair[0].at, pair[1].at), turns);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A row of pixels.
+struct Row {
+    start: usize,
+    width: usize,
+}
+
+impl Row {
+    /// Its pixels whose centres lie from one place along it to another.
+    fn between(&self, left: f64, right: f64) -> Range<usize> {
+        self.start + first_from(left, self.width)..self.start + first_from(right, self.width)
+    }
+}
+
+/// Where a side of a polygon crosses the line through the pixel centres of a row.
+struct Crossing {
+    at: f64,
+    /// 1 where the side goes down as seen, -1 where it goes up.
+    turn: i32,
+}
+
+/// Where the sides of polygons cross the rows that they reach, from left to right in each.
+fn crossings<R: AsRef<[DVec2]>>(
+    width: u32,
+    height: u32,
+    rings: &[R],
+) -> Result<impl Iterator<Item = (Row, Vec<Crossing>)> + use<R>, MaskError> {
     let (width, height) = (width as usize, height as usize);
-    rings.iter().try_for_each(|ring| check_points(ring))?;
-    let heights = || rings.iter().flatten().map(|corner| corner.y);
+    rings.iter().try_for_each(|ring| check_points(ring.as_ref()))?;
+    let heights = || rings.iter().flat_map(AsRef::as_ref).map(|corner| corner.y);
     let top = first_from(heights().fold(f64::INFINITY, f64::min), height);
     let bottom = first_from(heights().fold(f64::NEG_INFINITY, f64::max), height);
-    let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); bottom.saturating_sub(top)];
-    for ring in rings {
+    let mut crossings: Vec<Vec<Crossing>> = Vec::new();
+    crossings.resize_with(bottom.saturating_sub(top), Vec::new);
+    for ring in rings.iter().map(AsRef::as_ref) {
         for (at, &corner) in ring.iter().enumerate() {
             add_crossings(&mut crossings, top, corner, ring[(at + 1) % ring.len()]);
         }
     }
-    for (row, crossings) in (top..).zip(&mut crossings) {
-        crossings.sort_unstable_by(f64::total_cmp);
-        for pair in crossings.chunks_exact(2) {
-            let columns = first_from(pair[0], width)..first_from(pair[1], width);
-            emit(row * width + columns.start..row * width + columns.end);
-        }
-    }
-    Ok(())
+    Ok((top..).zip(crossings).map(move |(row, mut crossings)| {
+        crossings.sort_unstable_by(|a, b| a.at.total_cmp(&b.at));
+        (Row { start: row * width, width }, crossings)
+    }))
 }
 
 /// Fails on a coordinate that is not a finite number.
@@ -70,13 +124,13 @@ fn first_from(edge: f64, count: usize) -> usize {
 
 /// Where a side crosses the lines through the pixel centres of the rows from `top` on; lower ends are left out, so that a corner on
 /// the line counts once.
-fn add_crossings(crossings: &mut [Vec<f64>], top: usize, from: DVec2, to: DVec2) {
+fn add_crossings(crossings: &mut [Vec<Crossing>], top: usize, from: DVec2, to: DVec2) {
     // The same order for both ways of a side, so that a seam walked there and back cancels exactly.
-    let (a, b) = if (from.y, from.x) <= (to.y, to.x) { (from, to) } else { (to, from) };
+    let (a, b, turn) = if (from.y, from.x) <= (to.y, to.x) { (from, to, 1) } else { (to, from, -1) };
     let bottom = top + crossings.len();
     for row in first_from(a.y, bottom)..first_from(b.y, bottom) {
         let share = (row as f64 + 0.5 - a.y) / (b.y - a.y);
-        crossings[row - top].push(a.x + share * (b.x - a.x));
+        crossings[row - top].push(Crossing { at: a.x + share * (b.x - a.x), turn });
     }
 }
 
@@ -121,6 +175,21 @@ mod tests {
                     });
                     prop_assert_eq!(region.at(x, y), crossed.count() % 2 == 1);
                 }
+            }
+        }
+
+        #[test]
+        fn turns_agree_with_the_winding_number(
+            corners in prop::collection::vec((-3.0f64..15.0, -3.0f64..13.0).prop_map(|(x, y)| DVec2::new(x, y)), 3..9),
+        ) {
+            let mut turns = [0; 120];
+            winding_spans(12, 10, &corners, |pixels, around| turns[pixels].fill(around)).unwrap();
+            for (at, &turns) in turns.iter().enumerate() {
+                let centre = DVec2::new((at % 12) as f64 + 0.5, (at / 12) as f64 + 0.5);
+                // The angle under which the centre sees the ring go around it; y points down.
+                let sides = corners.iter().zip(corners.iter().cycle().skip(1));
+                let angle: f64 = sides.map(|(&a, &b)| (a - centre).angle_to(b - centre)).sum();
+                prop_assert_eq!(turns, -(angle / std::f64::consts::TAU).round() as i32);
             }
         }
     }

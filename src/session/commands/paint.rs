@@ -5,10 +5,10 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::frames::Frame;
 use crate::masks::{
-    LabelId, LabelMask, PaintRule, Region, RunMask, assign, erase, fill_polygons, snapped_stroke, stroke,
+    LabelId, LabelMask, PaintRule, Region, RunMask, assign, erase, fill_polygons, pull, snapped_stroke, stroke,
 };
 use crate::session::jobs::{Kind, Landing};
-use crate::session::{Edit, FrameMask, JobId, MaskOrigin, PaintRequest, Project, Session};
+use crate::session::{Edit, FrameMask, JobId, MaskOrigin, PaintRequest, Project, PullRequest, Session};
 
 impl Session {
     /// Paints at once, but for a brush that stops at edges: it needs the picture, which is read by a job.
@@ -37,12 +37,24 @@ impl Session {
         if request.erase {
             erase(&mut mask, region, Some(request.label))?;
         } else {
-            let rule = if request.replace { PaintRule::Replace } else { PaintRule::Protect };
-            assign(&mut mask, region, request.label, rule, &project.labels)?;
+            assign(&mut mask, region, request.label, rule(request.replace), &project.labels)?;
         }
         let verb = if request.erase { "Erase" } else { "Paint" };
         let edits = by_hand(&project, request.frame, &mask);
         self.commit(&format!("{verb} {name} on frame {}", request.frame), edits)
+    }
+
+    /// Pulls the border of a label on a frame.
+    pub(in crate::session) fn pull(&mut self, request: &PullRequest) -> Result<()> {
+        let project = self.snapshot()?;
+        let PullRequest { frame, label, from_px, to_px, replace } = *request;
+        let name = label_name(&project, label)?;
+        check_unlocked(&project, frame, label)?;
+        let mut mask = mask_of(&project, frame)?;
+        let pulled = pull(&mut mask, (from_px, to_px), label, rule(replace), &project.labels);
+        pulled.with_context(|| format!("the border of '{name}' on frame {frame} cannot be pulled"))?;
+        let edits = by_hand(&project, frame, &mask);
+        self.commit(&format!("Pull border of {name} on frame {frame}"), edits)
     }
 
     pub(in crate::session) fn make_anchor(&mut self, frame: usize) -> Result<()> {
@@ -84,6 +96,11 @@ pub fn check_unlocked(project: &Project, frame: usize, label: LabelId) -> Result
     let locked = project.locked_on(frame).contains(&label);
     ensure!(!locked, "label '{name}' is locked on frame {frame}; unlock it there first");
     Ok(())
+}
+
+/// What becomes of other labels' pixels.
+pub fn rule(replace: bool) -> PaintRule {
+    if replace { PaintRule::Replace } else { PaintRule::Protect }
 }
 
 fn painted(frame: &Frame, request: &PaintRequest) -> Result<Region> {

@@ -2,8 +2,8 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::paint::{by_hand, check_unlocked, label_name, mask_of};
-use crate::masks::{PaintRule, Region, assign, trace};
+use super::paint::{by_hand, check_unlocked, label_name, mask_of, rule};
+use crate::masks::{Region, assign, trace};
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{JobId, Session, TraceRequest};
 
@@ -25,8 +25,7 @@ impl Session {
         let project = self.snapshot()?;
         let name = label_name(&project, request.label)?;
         let mut mask = mask_of(&project, request.frame)?;
-        let rule = if request.replace { PaintRule::Replace } else { PaintRule::Protect };
-        assign(&mut mask, region, request.label, rule, &project.labels)?;
+        assign(&mut mask, region, request.label, rule(request.replace), &project.labels)?;
         let edits = by_hand(&project, request.frame, &mask);
         self.commit(&format!("Trace {name} on frame {}", request.frame), edits)
     }

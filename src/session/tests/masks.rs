@@ -5,7 +5,9 @@ use glam::DVec2;
 use super::making::{perform, pictures};
 use crate::frames::{FrameFolder, OpenRequest};
 use crate::masks::{Click, LabelId, LabelMask, Prompt};
-use crate::session::{Command, MaskOrigin, NewProject, PaintRequest, PromptRequest, Session};
+use crate::session::{
+    Command, MaskOrigin, NewProject, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest, Session,
+};
 
 const PLANT: LabelId = LabelId(1);
 const LEAF: LabelId = LabelId(2);
@@ -163,6 +165,30 @@ fn brush_and_eraser_make_anchors() {
     assert!(error.contains("still has the child 'leaf'"), "{error}");
     perform(&mut session, Command::ClearMask { frame: 0 }).unwrap();
     assert!(session.project().unwrap().masks.is_empty());
+}
+
+#[test]
+fn a_pulled_border_is_one_step_that_can_be_undone_and_leaves_locked_labels() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    let pull = |label, to: f64| {
+        let (from_px, to_px) = (DVec2::new(12.0, 7.0), DVec2::new(to, 7.0));
+        Command::Pull(PullRequest { frame: 0, label, from_px, to_px, replace: true })
+    };
+    let error = perform(&mut session, pull(LEAF, 16.0)).unwrap_err();
+    assert!(format!("{error:#}").contains("border of 'leaf' on frame 0"), "{error:#}");
+    perform(&mut session, square(LEAF, 3.0, 12.0, false, false)).unwrap();
+    let before = mask(&session);
+    perform(&mut session, pull(LEAF, 16.0)).unwrap();
+    let pulled = mask(&session);
+    assert_eq!((before.at(13, 7), pulled.at(13, 7), pulled.at(13, 1)), (LabelId::NONE, LEAF, LabelId::NONE));
+    assert_eq!(session.undo_title(), Some("Pull border of leaf on frame 0"));
+    perform(&mut session, Command::Undo).unwrap();
+    assert_eq!(mask(&session), before);
+    let lock = RangeRequest { labels: vec![LEAF], from: 0, to: 0, change: RangeChange::Lock, replace: false };
+    perform(&mut session, Command::Range(lock)).unwrap();
+    let error = perform(&mut session, pull(LEAF, 16.0)).unwrap_err().to_string();
+    assert!(error.contains("locked"), "{error}");
 }
 
 #[test]

@@ -5,9 +5,11 @@
 
 mod choose;
 mod hand;
+mod mended;
 mod options;
 mod outline;
 mod play;
+mod pulls;
 mod report;
 mod sequence;
 mod start;

@@ -1,19 +1,25 @@
+use std::ops::Range;
+
 use anyhow::Result;
 use glam::DVec2;
 
-use crate::masks::{LabelId, LabelMask, LabelTree, Outline, PaintRule, Region, assign, erase, fill_polygons, outlines};
+use super::mended::mended;
+use crate::masks::{
+    LabelId, LabelMask, LabelTree, Outline, PaintRule, Region, assign, erase, fill_polygons, outlines, polygon_spans,
+    pull,
+};
 
-/// What a user draws with the polygon tool, corner by corner.
+/// What a user draws with the polygon tool, corner by corner, and by pulling borders.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drawn {
     /// The frame's mask afterwards.
     pub mask: LabelMask,
-    /// Corners of all polygons: each is a click.
+    /// Corners of all polygons, and borders pulled: each is a click.
     pub corners: usize,
 }
 
 /// How much of a label on a frame is right.
-type Iou<'a> = &'a dyn Fn(&LabelMask) -> f64;
+pub(super) type Iou<'a> = &'a dyn Fn(&LabelMask) -> f64;
 
 /// What a user draws for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,18 +34,24 @@ pub struct Aim {
 
 impl Aim {
     /// The greater, the better: good comes first, then what corners brought beyond their price; of what is not good the IoU.
-    fn rank(&self, iou: f64, corners: usize) -> (bool, f64) {
+    pub(super) fn rank(&self, iou: f64, corners: usize) -> (bool, f64) {
         let is_good = iou >= self.good_iou;
         (is_good, if is_good { iou - self.corner_gain * corners as f64 } else { iou })
     }
+
+    /// How far the border of what is drawn lies off between two corners, in pixels, the coarsest first.
+    pub(super) fn off_px(&self) -> impl Iterator<Item = f64> + use<> {
+        let finest_px = self.finest_px;
+        OFF_PX.into_iter().filter(move |&off_px| off_px > finest_px).chain([finest_px])
+    }
 }
 
-/// How far the border of what is drawn lies off between two corners, in pixels: a hand is no finer than it must be.
+/// How far the border of what is drawn may lie off between two corners, in pixels: a hand is no finer than it must be.
 const OFF_PX: [f64; 4] = [8.0, 5.0, 3.0, 2.0];
 
-/// Draws what clicks could not: polygons around the whole of a label on a frame or around its wrong parts, those first that
-/// mend most for each corner, with as few corners as make its IoU good, and more where they pay; where none make it good,
-/// what comes nearest. `None` where everything is finer than the finest of the aim.
+/// Draws what clicks could not: polygons around the whole of a label on a frame or around its wrong parts, or borders pulled
+/// and polygons among each other, those first that mend most for each click, with as few as make its IoU good, and more
+/// where they pay; where none make it good, what comes nearest. `None` where everything is finer than the finest of the aim.
 ///
 /// # Errors
 /// When the masks differ in size.
@@ -49,9 +61,22 @@ pub fn drawn(
     iou: Iou<'_>,
     aim: &Aim,
 ) -> Result<Option<Drawn>> {
+    let outlined = outlined((truth, mask), (label, tree), iou, aim)?;
+    let so_far = outlined.as_ref().map_or((false, 0.0), |(_, rank)| *rank);
+    let mended = mended((truth, mask), (label, tree), (iou, aim), so_far)?;
+    let mended = mended.filter(|drawn| aim.rank(iou(&drawn.mask), drawn.corners) > so_far);
+    Ok(mended.or(outlined.map(|(drawn, _)| drawn)))
+}
+
+/// The best that polygons alone give, with its rank.
+fn outlined(
+    (truth, mask): (&LabelMask, &LabelMask),
+    (label, tree): (LabelId, &LabelTree),
+    iou: Iou<'_>,
+    aim: &Aim,
+) -> Result<Option<(Drawn, (bool, f64))>> {
     let mut best: Option<(Drawn, (bool, f64))> = None;
-    let coarser = OFF_PX.into_iter().filter(|&off_px| off_px > aim.finest_px);
-    for off_px in coarser.chain([aim.finest_px]) {
+    for off_px in aim.off_px() {
         let whole = drawn_whole((truth, mask), (label, tree), off_px)?;
         let so_far = best.as_ref().map_or((false, 0.0), |(_, rank)| *rank);
         let parts = drawn_parts((truth, mask), (label, tree), (iou, aim), off_px, so_far)?;
@@ -62,7 +87,7 @@ pub fn drawn(
             }
         }
     }
-    Ok(best.map(|(drawn, _)| drawn))
+    Ok(best)
 }
 
 /// The label taken off the frame and drawn anew.
@@ -104,15 +129,17 @@ fn drawn_parts(
 }
 
 /// A polygon around a wrong part.
-struct Correction {
-    ring: Vec<DVec2>,
-    include: bool,
+pub(super) struct Correction {
+    pub ring: Vec<DVec2>,
+    pub include: bool,
     /// Pixels that it mends, for each of its corners.
-    worth: f64,
+    pub worth: f64,
+    /// What lies inside (places in the frame's pixels row by row).
+    pub pixels: Vec<Range<usize>>,
 }
 
 /// Polygons around the wrong parts of a label, those that mend most for each corner first.
-fn corrections(truth: &LabelMask, mask: &LabelMask, label: LabelId, off_px: f64) -> Result<Vec<Correction>> {
+pub(super) fn corrections(truth: &LabelMask, mask: &LabelMask, label: LabelId, off_px: f64) -> Result<Vec<Correction>> {
     let mut all = Vec::new();
     for include in [true, false] {
         // What polygons change, and where they mend by it.
@@ -122,11 +149,12 @@ fn corrections(truth: &LabelMask, mask: &LabelMask, label: LabelId, off_px: f64)
         let wrong = pairs().map(|(&truth, &is)| changed(is) && mends(truth)).collect();
         for polygon in polygons(&Region { width: mask.width, height: mask.height, inside: wrong }, off_px) {
             let ring = polygon.keyhole();
-            let region = fill_polygons(mask.width, mask.height, std::slice::from_ref(&ring))?;
-            let inside = pairs().zip(&region.inside).filter(|((_, is), inside)| **inside && changed(**is));
-            let mended: i64 = inside.map(|((&truth, _), _)| if mends(truth) { 1 } else { -1 }).sum();
+            let mut pixels = Vec::new();
+            polygon_spans(mask.width, mask.height, std::slice::from_ref(&ring), |span| pixels.push(span))?;
+            let inside = pixels.iter().cloned().flatten().filter(|&at| changed(mask.ids[at]));
+            let mended: i64 = inside.map(|at| if mends(truth.ids[at]) { 1 } else { -1 }).sum();
             if mended > 0 {
-                all.push(Correction { worth: mended as f64 / ring.len() as f64, ring, include });
+                all.push(Correction { worth: mended as f64 / ring.len() as f64, ring, include, pixels });
             }
         }
     }
@@ -135,7 +163,12 @@ fn corrections(truth: &LabelMask, mask: &LabelMask, label: LabelId, off_px: f64)
 }
 
 impl Drawn {
-    fn draw(&mut self, ring: &Vec<DVec2>, (label, tree): (LabelId, &LabelTree), include: bool) -> Result<()> {
+    pub(super) fn draw(
+        &mut self,
+        ring: &Vec<DVec2>,
+        (label, tree): (LabelId, &LabelTree),
+        include: bool,
+    ) -> Result<()> {
         let region = fill_polygons(self.mask.width, self.mask.height, std::slice::from_ref(ring))?;
         if include {
             assign(&mut self.mask, &region, label, PaintRule::Replace, tree)?;
@@ -143,6 +176,13 @@ impl Drawn {
             erase(&mut self.mask, &region, Some(label))?;
         }
         self.corners += ring.len();
+        Ok(())
+    }
+
+    /// Pulls the border of a label.
+    pub(super) fn pull(&mut self, ends_px: (DVec2, DVec2), (label, tree): (LabelId, &LabelTree)) -> Result<()> {
+        pull(&mut self.mask, ends_px, label, PaintRule::Replace, tree)?;
+        self.corners += 1;
         Ok(())
     }
 }
@@ -175,7 +215,7 @@ mod tests {
             both as f64 / pairs().filter(|(a, b)| **a == LABEL || **b == LABEL).count() as f64
         };
         let aim = Aim { good_iou: 0.9, corner_gain, finest_px: 2.0 };
-        drawn((truth, mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap()
+        outlined((truth, mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap().map(|(drawn, _)| drawn)
     }
 
     #[test]

@@ -17,9 +17,9 @@ pub struct InteractReport {
     pub reached: Vec<Goal>,
     /// Mean IoU at the end.
     pub mean_iou: f64,
-    /// Clicks given in all, with the corners of outlines.
+    /// Clicks given in all, with the corners of outlines and the borders pulled.
     pub clicks: usize,
-    /// The corners of outlines among them.
+    /// The corners of outlines and the borders pulled among them.
     pub corners: usize,
     /// Frames that were corrected after the first.
     pub corrected: usize,

@@ -65,12 +65,12 @@ impl<'a> RobotUser<'a> {
         Self { sequence, segmenter, prepared, progress, options, hand, project, clicks: 0, corners: 0, most_clicks }
     }
 
-    /// Clicks given so far; those taken back count, and corners of outlines.
+    /// Clicks given so far; those taken back count, and corners of outlines and borders pulled.
     pub fn clicks(&self) -> usize {
         self.clicks
     }
 
-    /// How many of the clicks are corners of outlines.
+    /// How many of the clicks are corners of outlines and borders pulled.
     pub fn corners(&self) -> usize {
         self.corners
     }
@@ -83,7 +83,7 @@ impl<'a> RobotUser<'a> {
     /// Clicks on a frame, once for each of `labels` that it does not show yet, then always into the largest error of
     /// those whose IoU is below `good_iou`, at most `most` times for each, and not on where several clicks in a row hardly
     /// bettered it. The best that was reached on the way stands, the clicks after it are taken back (and count). What is not
-    /// good then is drawn with polygons. Says whether the frame is better than before.
+    /// good then is drawn. Says whether the frame is better than before.
     pub fn visit(&mut self, frame: usize, labels: &[LabelId], good_iou: f64, most: usize) -> Result<bool> {
         let truth = self.sequence.truth_of(frame)?.decode();
         let was = self.frame_iou(frame)?;

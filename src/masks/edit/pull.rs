@@ -1,0 +1,253 @@
+use glam::DVec2;
+
+use super::assign::{PaintRule, assign, erase};
+use super::polygon::{check_points, winding_spans};
+use crate::masks::outline::nearest_on_segment;
+use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, Region, outlines};
+
+/// How far along the border a pull of no length would reach, in pixels.
+const REACH_PX: f64 = 4.0;
+/// What is added to the reach for each pixel that a border is pulled.
+const REACH_PER_PX: f64 = 2.0;
+
+/// The borders of a region, to be pulled.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ElasticBorders {
+    width: u32,
+    height: u32,
+    /// Corners of pixels, the inside on the right hand as seen.
+    rings: Vec<Vec<DVec2>>,
+}
+
+/// A border that is pulled.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pull {
+    width: u32,
+    height: u32,
+    /// The piece of the old border that gives way, from end to end, the inside on the right hand as seen.
+    pub gives_way: Vec<DVec2>,
+    /// Where it is pulled to: the new border goes straight from either end to there.
+    pub to_px: DVec2,
+}
+
+impl ElasticBorders {
+    /// The outer borders of a region and those of its holes.
+    #[must_use]
+    pub fn of(region: &Region) -> Self {
+        let rings = outlines(region).into_iter().flat_map(|outline| [vec![outline.outer], outline.holes].concat());
+        Self { width: region.width, height: region.height, rings: rings.collect() }
+    }
+
+    /// The borders' corners, border by border.
+    #[must_use]
+    pub fn rings(&self) -> &[Vec<DVec2>] {
+        &self.rings
+    }
+
+    /// The place on the borders that is nearest to a point; `None` without borders.
+    #[must_use]
+    pub fn nearest(&self, at_px: DVec2) -> Option<DVec2> {
+        self.place(at_px).map(|place| place.at_px)
+    }
+
+    /// The border pulled from the place on it that is nearest to `from_px` to `to_px`. It gives way within 4 px and twice
+    /// the length of the pull around that place, of a small piece only as far as half-way across it. `None` without borders.
+    #[must_use]
+    pub fn pull(&self, from_px: DVec2, to_px: DVec2) -> Option<Pull> {
+        let Place { ring, side, at_px } = self.place(from_px)?;
+        let across = ring.iter().map(|corner| corner.distance(at_px)).fold(0.0, f64::max);
+        let reach_px = (REACH_PX + REACH_PER_PX * at_px.distance(to_px)).min(across / 2.0);
+        let after = (1..=ring.len()).map(|step| ring[(side + step) % ring.len()]);
+        let before = (0..ring.len()).map(|step| ring[(side + ring.len() - step) % ring.len()]);
+        let mut gives_way: Vec<DVec2> = within(at_px, reach_px, before);
+        gives_way.reverse();
+        gives_way.push(at_px);
+        gives_way.extend(within(at_px, reach_px, after));
+        Some(Pull { width: self.width, height: self.height, gives_way, to_px })
+    }
+
+    fn place(&self, at_px: DVec2) -> Option<Place<'_>> {
+        let sides = self.rings.iter().flat_map(|ring| (0..ring.len()).map(move |side| (ring, side)));
+        let places = sides.map(|(ring, side)| {
+            let nearest = nearest_on_segment(at_px, ring[side], ring[(side + 1) % ring.len()]);
+            Place { ring, side, at_px: nearest }
+        });
+        let off = |place: &Place<'_>| place.at_px.distance_squared(at_px);
+        places.min_by(|a, b| off(a).total_cmp(&off(b)))
+    }
+}
+
+/// A place on a border.
+struct Place<'a> {
+    ring: &'a [DVec2],
+    /// The side from this corner to the next holds it.
+    side: usize,
+    at_px: DVec2,
+}
+
+/// The corners from a place on as long as they lie within the reach, and the end where the line leaves it.
+fn within(at_px: DVec2, reach_px: f64, corners: impl Iterator<Item = DVec2>) -> Vec<DVec2> {
+    let mut line = Vec::new();
+    let mut last = at_px;
+    for corner in corners {
+        if corner.distance(at_px) > reach_px {
+            line.push(leaves(last - at_px, corner - at_px, reach_px) + at_px);
+            break;
+        }
+        line.push(corner);
+        last = corner;
+    }
+    line
+}
+
+/// Where the way from a place inside a circle around the origin to one outside crosses it.
+fn leaves(inside: DVec2, outside: DVec2, radius: f64) -> DVec2 {
+    let way = outside - inside;
+    let (square, half, off) = (way.length_squared(), inside.dot(way), inside.length_squared() - radius * radius);
+    inside + way * (((half * half - square * off).max(0.0).sqrt() - half) / square)
+}
+
+impl Pull {
+    /// The stretches of pixels between old and new border (places in the frame's pixels row by row), with whether they
+    /// come inside by the pull, or go.
+    ///
+    /// # Errors
+    /// [`MaskError::Request`] for places that are not numbers.
+    pub fn spans(&self, mut emit: impl FnMut(std::ops::Range<usize>, bool)) -> Result<(), MaskError> {
+        let mut ring = self.gives_way.clone();
+        ring.push(self.to_px);
+        winding_spans(self.width, self.height, &ring, |pixels, turns| emit(pixels, turns > 0))
+    }
+}
+
+/// Pulls the border of a label from the place on it that is nearest to `from_px` to `to_px` ([`ElasticBorders::pull`]): what comes
+/// inside is given to the label by the rule, what goes belongs to none. Returns how many pixels changed.
+///
+/// # Errors
+/// [`MaskError::Request`] when the label has no pixel, or for places that are not numbers.
+pub fn pull(
+    mask: &mut LabelMask,
+    (from_px, to_px): (DVec2, DVec2),
+    label: LabelId,
+    rule: PaintRule,
+    tree: &LabelTree,
+) -> Result<usize, MaskError> {
+    check_points(&[from_px, to_px])?;
+    let pull = ElasticBorders::of(&mask.region(label)).pull(from_px, to_px);
+    let pull = pull.ok_or_else(|| MaskError::Request("there is nothing of the label to be pulled".into()))?;
+    let empty = Region::empty(mask.width, mask.height);
+    let (mut comes, mut goes) = (empty.clone(), empty);
+    pull.spans(|pixels, inside| if inside { &mut comes } else { &mut goes }.inside[pixels].fill(true))?;
+    Ok(assign(mask, &comes, label, rule, tree)? + erase(mask, &goes, Some(label))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::tests::tree;
+    use super::*;
+
+    const LABEL: LabelId = LabelId(4);
+    const SIZE: u32 = 60;
+
+    fn mask(is_inside: impl Fn(f64, f64) -> bool) -> LabelMask {
+        let at = |at: u32| (f64::from(at % SIZE) + 0.5, f64::from(at / SIZE) + 0.5);
+        let id = |pixel: u32| if is_inside(at(pixel).0, at(pixel).1) { LABEL } else { LabelId::NONE };
+        LabelMask { width: SIZE, height: SIZE, ids: (0..SIZE * SIZE).map(id).collect() }
+    }
+
+    fn square() -> LabelMask {
+        mask(|x, y| (20.0..40.0).contains(&x) && (20.0..40.0).contains(&y))
+    }
+
+    fn pulled(mask: &LabelMask, from: [f64; 2], to: [f64; 2]) -> LabelMask {
+        let mut pulled = mask.clone();
+        pull(&mut pulled, (from.into(), to.into()), LABEL, PaintRule::Protect, &tree()).unwrap();
+        pulled
+    }
+
+    fn has(mask: &LabelMask, x: usize, y: usize) -> bool {
+        mask.ids[y * SIZE as usize + x] == LABEL
+    }
+
+    #[test]
+    fn a_border_comes_out_and_goes_in_as_far_as_it_is_pulled() {
+        let square = square();
+        let out = pulled(&square, [30.0, 41.0], [30.0, 43.0]);
+        // A triangle over 20 px of the lower side, 3 px high.
+        assert_eq!(out.region(LABEL).area(), square.region(LABEL).area() + 30);
+        assert!(has(&out, 29, 41) && has(&out, 30, 41) && !has(&out, 29, 43) && !has(&out, 21, 40));
+        let back = pulled(&square, [30.0, 38.5], [30.0, 37.0]);
+        assert_eq!(back.region(LABEL).area(), square.region(LABEL).area() - 30);
+        assert!(!has(&back, 30, 38) && has(&back, 30, 36) && has(&back, 30, 20));
+    }
+
+    #[test]
+    fn a_hole_is_pulled_by_its_own_border() {
+        let ring = mask(|x, y| {
+            let off = (x - 30.0).abs().max((y - 30.0).abs());
+            (8.0..20.0).contains(&off)
+        });
+        let wider = pulled(&ring, [38.5, 30.0], [39.5, 30.0]);
+        let narrower = pulled(&ring, [38.5, 30.0], [36.5, 30.0]);
+        let area = |mask: &LabelMask| mask.region(LABEL).area();
+        assert!(area(&wider) < area(&ring) && area(&ring) < area(&narrower));
+        assert!(!has(&wider, 38, 30) && has(&narrower, 37, 30) && has(&wider, 45, 30));
+    }
+
+    #[test]
+    fn a_small_piece_stays_one() {
+        let dot = mask(|x, y| (x - 30.0).abs() < 2.0 && (y - 30.0).abs() < 2.0);
+        let out = pulled(&dot, [32.0, 30.0], [44.0, 30.0]);
+        assert!(has(&out, 40, 30) && has(&out, 28, 28) && has(&out, 28, 31), "it reaches out, and is still there");
+    }
+
+    #[test]
+    fn other_labels_stay_unless_they_are_replaced() {
+        let mut both = square();
+        both.ids.iter_mut().skip(41 * SIZE as usize).for_each(|id| *id = LabelId(5));
+        let ends = (DVec2::new(30.0, 40.0), DVec2::new(30.0, 45.0));
+        let mut protected = both.clone();
+        pull(&mut protected, ends, LABEL, PaintRule::Protect, &tree()).unwrap();
+        assert!(has(&protected, 30, 40) && protected.region(LabelId(5)) == both.region(LabelId(5)));
+        let changed = pull(&mut both, ends, LABEL, PaintRule::Replace, &tree()).unwrap();
+        assert!(has(&both, 30, 43) && changed > 20);
+    }
+
+    #[test]
+    fn senseless_pulls_are_refused() {
+        let mut none = LabelMask::empty(SIZE, SIZE);
+        let ends = (DVec2::splat(3.0), DVec2::splat(5.0));
+        assert!(pull(&mut none, ends, LABEL, PaintRule::Protect, &tree()).is_err());
+        let not_a_number = (DVec2::splat(3.0), DVec2::splat(f64::NAN));
+        assert!(pull(&mut square(), not_a_number, LABEL, PaintRule::Protect, &tree()).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_changes_out_of_reach(
+            (x, y) in (0.0f64..60.0, 0.0f64..60.0),
+            (dx, dy) in (-12.0f64..12.0, -12.0f64..12.0),
+        ) {
+            let disc = mask(|x, y| (x - 30.0).hypot(y - 30.0) < 14.0 && (x - 33.0).hypot(y - 28.0) > 4.0);
+            let from = ElasticBorders::of(&disc.region(LABEL)).nearest(DVec2::new(x, y)).unwrap();
+            let to = from + DVec2::new(dx, dy);
+            let after = pulled(&disc, [x, y], to.into());
+            let reach = REACH_PX + REACH_PER_PX * from.distance(to);
+            for (at, (before, after)) in disc.ids.iter().zip(&after.ids).enumerate() {
+                let centre = DVec2::new((at % 60) as f64 + 0.5, (at / 60) as f64 + 0.5);
+                prop_assert!(before == after || centre.distance(from) <= reach.max(from.distance(to)));
+            }
+        }
+
+        #[test]
+        fn pulled_nowhere_only_the_steps_of_pixels_change((x, y) in (0.0f64..60.0, 0.0f64..60.0)) {
+            let disc = mask(|x, y| (x - 30.0).hypot(y - 30.0) < 14.0);
+            let from = ElasticBorders::of(&disc.region(LABEL)).nearest(DVec2::new(x, y)).unwrap();
+            let after = pulled(&disc, from.into(), from.into());
+            let changed = disc.ids.iter().zip(&after.ids).filter(|(before, after)| before != after).count();
+            prop_assert!(changed <= 8, "{changed} pixels");
+        }
+    }
+}

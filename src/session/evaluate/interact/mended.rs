@@ -1,0 +1,133 @@
+use std::ops::Range;
+
+use anyhow::Result;
+
+use super::outline::{Aim, Correction, Drawn, Iou, corrections};
+use super::pulls::{Pulled, pulls};
+use crate::masks::{LabelId, LabelMask, LabelTree};
+
+/// Of what is seen to be amiss, this much of the best for each click is mended before the hand looks again.
+const OF_BEST: f64 = 0.6;
+/// Less for each click, in pixels, is not worth a hand.
+const LEAST_PX: f64 = 2.0;
+
+/// Something that a hand does.
+enum Change {
+    Polygon(Correction),
+    Pull(Pulled),
+}
+
+impl Change {
+    /// Pixels that it mends, for each of its clicks.
+    fn worth(&self) -> f64 {
+        match self {
+            Self::Polygon(correction) => correction.worth,
+            Self::Pull(pulled) => pulled.mended as f64,
+        }
+    }
+
+    /// What it passes (places in the frame's pixels row by row).
+    fn pixels(&self) -> &[Range<usize>] {
+        match self {
+            Self::Polygon(correction) => &correction.pixels,
+            Self::Pull(pulled) => &pulled.pixels,
+        }
+    }
+
+    fn made(&self, drawn: &Drawn, (label, tree): (LabelId, &LabelTree)) -> Result<Drawn> {
+        let mut next = drawn.clone();
+        match self {
+            Self::Polygon(correction) => next.draw(&correction.ring, (label, tree), correction.include)?,
+            Self::Pull(pulled) => next.pull(pulled.ends_px, (label, tree))?,
+        }
+        Ok(next)
+    }
+}
+
+/// Mends a label by pulling its borders and by polygons around wrong parts, whatever mends most for each click, as long as
+/// that pays and can still outdo `best`; `None` where nothing does.
+///
+/// # Errors
+/// When the masks differ in size.
+pub fn mended(
+    (truth, mask): (&LabelMask, &LabelMask),
+    (label, tree): (LabelId, &LabelTree),
+    (iou, aim): (Iou<'_>, &Aim),
+    best: (bool, f64),
+) -> Result<Option<Drawn>> {
+    let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
+    let mut rank = aim.rank(iou(mask), 0);
+    loop {
+        let changes = changes(truth, &drawn.mask, label, aim)?;
+        let mut touched = vec![false; mask.ids.len()];
+        let looked_at = rank;
+        for change in changes {
+            let is_touched = |pixels: &Range<usize>| touched[pixels.clone()].contains(&true);
+            if aim.rank(1.0, drawn.corners + 1) <= best || change.pixels().iter().any(is_touched) {
+                continue;
+            }
+            let next = change.made(&drawn, (label, tree))?;
+            let ranked = aim.rank(iou(&next.mask), next.corners);
+            if ranked > rank {
+                (drawn, rank) = (next, ranked);
+                change.pixels().iter().for_each(|pixels| touched[pixels.clone()].fill(true));
+            }
+        }
+        if rank <= looked_at {
+            return Ok((drawn.corners > 0).then_some(drawn));
+        }
+    }
+}
+
+/// What is worth most to be done now, the best first.
+fn changes(truth: &LabelMask, mask: &LabelMask, label: LabelId, aim: &Aim) -> Result<Vec<Change>> {
+    let mut all: Vec<Change> = pulls(truth, mask, label, aim.finest_px)?.into_iter().map(Change::Pull).collect();
+    for off_px in aim.off_px() {
+        all.extend(corrections(truth, mask, label, off_px)?.into_iter().map(Change::Polygon));
+    }
+    all.sort_by(|a, b| b.worth().total_cmp(&a.worth()));
+    let least = all.first().map_or(0.0, |best| best.worth() * OF_BEST).max(LEAST_PX);
+    all.retain(|change| change.worth() >= least);
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LABEL: LabelId = LabelId(1);
+    const SIZE: u32 = 100;
+
+    fn mask(is_inside: impl Fn(u32, u32) -> bool) -> LabelMask {
+        let id = |at: u32| if is_inside(at % SIZE, at / SIZE) { LABEL } else { LabelId::NONE };
+        LabelMask { width: SIZE, height: SIZE, ids: (0..SIZE * SIZE).map(id).collect() }
+    }
+
+    fn mended_from(truth: &LabelMask, mask: &LabelMask, corner_gain: f64, best: (bool, f64)) -> Option<Drawn> {
+        let truth_region = truth.region(LABEL);
+        let iou = |mask: &LabelMask| mask.region(LABEL).iou(&truth_region);
+        let aim = Aim { good_iou: 0.95, corner_gain, finest_px: 1.0 };
+        mended((truth, mask), (LABEL, &LabelTree::default()), (&iou, &aim), best).unwrap()
+    }
+
+    #[test]
+    fn a_border_is_pulled_where_that_is_less_work_than_a_polygon() {
+        let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
+        // What a pull of 4 px gives, over 24 px of the lower side.
+        let tip = |x: u32, y: u32| (80..84).contains(&y) && x.abs_diff(50) < 12 - 3 * (y - 80);
+        let truth = mask(|x, y| square(x, y) || tip(x, y));
+        let holed = |x: u32, y: u32| square(x, y) && !((30..50).contains(&x) && (30..50).contains(&y));
+        let drawn = mended_from(&truth, &mask(holed), 0.001, (false, 0.0)).unwrap();
+        assert!(drawn.corners < 7, "{}: by polygons four for the hole and three for the tip", drawn.corners);
+        assert!(drawn.mask.region(LABEL).iou(&truth.region(LABEL)) > 0.97);
+    }
+
+    #[test]
+    fn what_cannot_outdo_the_best_so_far_is_not_done() {
+        let truth = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y));
+        let half = mask(|x, y| (20..80).contains(&x) && (20..60).contains(&y));
+        assert!(mended_from(&truth, &half, 0.001, (false, 0.0)).is_some());
+        assert_eq!(mended_from(&truth, &half, 0.001, (true, 1.0)), None);
+        assert_eq!(mended_from(&truth, &truth, 0.001, (false, 0.0)), None, "nothing is wrong");
+    }
+}
