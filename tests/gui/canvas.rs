@@ -160,6 +160,8 @@ fn a_lasso_is_filled_when_the_button_is_let_go_and_with_ctrl_the_label_is_taken_
         click_at(&mut harness, at, PointerButton::Primary);
         harness.run_steps(30);
     }
+    drag(&mut harness, places[0], places[2], PointerButton::Primary);
+    assert!(harness.state().asked.is_empty(), "corners are not ended by a drag");
     press(&mut harness, Modifiers::COMMAND, Key::Enter);
     let asked = paints(&harness.state().asked);
     assert_eq!(asked.iter().map(|paint| (paint.points_px.len(), paint.erase)).collect::<Vec<_>>(), [(3, true)]);
@@ -206,6 +208,16 @@ fn a_border_is_pulled_from_where_it_is_pressed_and_nothing_away_from_it() {
     assert!(pull.from_px.distance(border) < 0.3 && pull.to_px.distance(border + glam::DVec2::new(6.0, 2.0)) < 0.3);
 
     harness.state_mut().asked.clear();
+    let (near, outside) = (on_screen(&harness, 20.5, 20.0), on_screen(&harness, 20.5, -3.0));
+    drag(&mut harness, near, outside, PointerButton::Primary);
+    let to_px = pulls(&harness.state().asked)[0].to_px;
+    assert!(to_px.distance(glam::DVec2::new(20.0, -3.0)) < 0.3, "as far as was shown, from the border: {to_px}");
+
+    harness.state_mut().asked.clear();
+    harness.state_mut().shell.view.hidden.insert(LabelId(2));
+    drag(&mut harness, from, to, PointerButton::Primary);
+    assert!(harness.state().asked.is_empty() && harness.state().shell.view.note.contains("hidden"));
+    harness.state_mut().shell.view.hidden.clear();
     let beside = on_screen(&harness, 55.0, 4.0);
     drag(&mut harness, beside, to, PointerButton::Primary);
     assert!(harness.state().asked.is_empty(), "{:?}", harness.state().asked);

@@ -69,6 +69,19 @@ pub struct HeldBorder {
     pub borders: ElasticBorders,
     /// The place on them that is held, in picture pixels.
     pub from_px: DVec2,
+    /// Where it was pressed, a little beside the border.
+    pub pressed_px: DVec2,
+    /// The mask whose borders they are.
+    pub of: Arc<RunMask>,
+}
+
+impl HeldBorder {
+    /// Where the border is pulled to while the pointer is at a place; `None` for less than a pixel.
+    #[must_use]
+    pub fn to_px(&self, pointer_px: DVec2) -> Option<DVec2> {
+        let way = pointer_px - self.pressed_px;
+        (way.length() >= 1.0).then_some(self.from_px + way)
+    }
 }
 
 /// What is being drawn, and what was sent but is not in the project yet.
@@ -80,7 +93,7 @@ pub struct Draft {
     pub stroke: Option<Stroke>,
     /// Corners of the polygon, or points of the thin structure, so far.
     pub corners: Vec<DVec2>,
-    /// What is drawn with the button held, to be joined to the polygon.
+    /// What is drawn with the button held, in place of corners.
     pub lasso: Option<Vec<DVec2>>,
     /// The border in hand.
     pub held: Option<HeldBorder>,
@@ -147,6 +160,11 @@ impl Draft {
             && project.prompts.get(&(*frame, *label)).unwrap_or(&Prompt::default()).gives_as(prompt)
         {
             self.sent_prompt = None;
+        }
+        let is_of =
+            |held: &HeldBorder| project.masks.get(&held.frame).is_some_and(|now| Arc::ptr_eq(&now.runs, &held.of));
+        if !self.held.as_ref().is_none_or(is_of) {
+            self.held = None;
         }
         if let Some((stroke, over)) = &self.sent_stroke {
             let now = project.masks.get(&stroke.frame).map(|mask| &mask.runs);

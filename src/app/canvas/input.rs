@@ -132,7 +132,7 @@ fn pull_tool(response: &Response, map: &CanvasMap, look: &Look<'_>, view: &mut V
     if response.drag_stopped_by(PointerButton::Primary)
         && let (Some(held), Some(to)) = (view.draft.held.take(), position(response, map))
     {
-        pull_border(&held, map.clamped(to), out);
+        pull_border(&held, to, out);
     }
 }
 
@@ -172,13 +172,14 @@ fn corners_tool(
     }
 }
 
-/// A line that stays so near to where it began is a click that was held, in points of the screen.
+/// A line that stays so near to where it began is none, in points of the screen.
 const LASSO_POINTS: f32 = 8.0;
 
-/// Follows the pointer while the button is held; whether it was let go after a line that joins the polygon and ends it.
+/// Follows the pointer while the button is held, where no corner is set yet; whether it was let go after a line, which is
+/// the polygon then.
 fn lasso(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) -> bool {
     let (pressed, down) = ui.input(|i| (i.pointer.primary_pressed(), i.pointer.primary_down()));
-    if pressed && response.is_pointer_button_down_on() {
+    if pressed && response.is_pointer_button_down_on() && view.draft.corners.is_empty() {
         view.draft.lasso = Some(Vec::new());
     }
     let Some(line) = &mut view.draft.lasso else { return false };
@@ -194,7 +195,7 @@ fn lasso(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) ->
     let is_far = |at: &DVec2| map.to_screen(*at).distance(map.to_screen(line[0])) > LASSO_POINTS;
     let is_drawn = !response.clicked() && line.iter().any(is_far);
     if is_drawn {
-        view.draft.corners.extend(line);
+        view.draft.corners = line;
     }
     is_drawn
 }

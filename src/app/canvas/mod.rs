@@ -1,4 +1,5 @@
-//! The picture with its mask: zoom and pan, prompts, brush, polygon and thin structures.
+//! The picture with its mask: zoom and pan, prompts, brush, polygon and lasso, borders that are pulled, thin
+//! structures.
 
 mod draft;
 mod hover;

@@ -14,7 +14,8 @@ pub(super) fn texture(painter: &Painter, map: &CanvasMap, id: TextureId) {
     painter.image(id, map.picture_rect(), UV, Color32::WHITE);
 }
 
-/// Prompts of all labels, those of the chosen one larger; box, stroke, polygon and thin structure in hand.
+/// Prompts of all labels, those of the chosen one larger; box, stroke, polygon, lasso, pulled border and thin
+/// structure in hand.
 pub(super) fn prompts_and_draft(
     painter: &Painter,
     map: &CanvasMap,
@@ -143,7 +144,9 @@ fn brush_stroke(painter: &Painter, map: &CanvasMap, stroke: &Stroke, color: Colo
 
 /// The border as it will be when it is let go, with what gives way for it.
 fn held_border(painter: &Painter, map: &CanvasMap, held: &HeldBorder, to: Pos2, color: Color32) {
-    let Some(pull) = held.borders.pull(held.from_px, map.to_px(to)) else { return };
+    let Some(to_px) = held.to_px(map.to_px(to)) else { return };
+    let Some(pull) = held.borders.pull(held.from_px, to_px) else { return };
+    let to = map.to_screen(to_px);
     let old: Vec<Pos2> = pull.gives_way.iter().map(|&at| map.to_screen(at)).collect();
     let (Some(&begin), Some(&end)) = (old.first(), old.last()) else { return };
     painter.add(Shape::line(old, Line::new(1.0, Color32::WHITE)));

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use glam::DVec2;
 
 use crate::app::{Look, ViewState};
@@ -64,24 +66,35 @@ pub(super) fn fill_polygon(look: &Look<'_>, view: &mut ViewState, erase: bool, o
 }
 
 /// Takes hold of the chosen label's border where it lies within `near_px` of a place.
-pub(super) fn hold_border(look: &Look<'_>, view: &mut ViewState, at_px: DVec2, near_px: f64) {
-    let frame = view.frame;
-    let mask = look.project.masks.get(&frame);
-    let held = view.label.zip(mask).and_then(|(label, mask)| {
-        let borders = ElasticBorders::of(&mask.runs.decode().region(label));
-        let from_px = borders.nearest(at_px).filter(|from| from.distance(at_px) <= near_px)?;
-        Some(HeldBorder { frame, label, borders, from_px })
-    });
-    if held.is_none() {
-        view.note = "Press on the border of the chosen label and drag it to where it belongs".into();
+pub(super) fn hold_border(look: &Look<'_>, view: &mut ViewState, pressed_px: DVec2, near_px: f64) {
+    match held_border(look, view, pressed_px, near_px) {
+        Ok(held) => view.draft.held = Some(held),
+        Err(why) => view.note = why.into(),
     }
-    view.draft.held = held;
 }
 
-/// Pulls the border in hand to a place.
-pub(super) fn pull_border(held: &HeldBorder, to_px: DVec2, out: &mut Vec<Command>) {
+fn held_border(look: &Look<'_>, view: &ViewState, pressed_px: DVec2, near_px: f64) -> Result<HeldBorder, &'static str> {
+    const BESIDE: &str = "Press on the border of the chosen label and drag it to where it belongs";
+    let frame = view.frame;
+    let (label, mask) = view.label.zip(look.project.masks.get(&frame)).ok_or(BESIDE)?;
+    if view.hidden.contains(&label) {
+        return Err("The chosen label is hidden; show it to pull its border");
+    }
+    if look.project.locked_on(frame).contains(&label) {
+        return Err("The chosen label is locked on this frame; unlock it there first");
+    }
+    let borders = ElasticBorders::of(&mask.runs.decode().region(label));
+    let near = borders.nearest(pressed_px).filter(|from| from.distance(pressed_px) <= near_px);
+    let from_px = near.ok_or(BESIDE)?;
+    Ok(HeldBorder { frame, label, borders, from_px, pressed_px, of: Arc::clone(&mask.runs) })
+}
+
+/// Pulls the border in hand to where the pointer is.
+pub(super) fn pull_border(held: &HeldBorder, pointer_px: DVec2, out: &mut Vec<Command>) {
     let HeldBorder { frame, label, from_px, .. } = *held;
-    out.push(Command::Pull(PullRequest { frame, label, from_px, to_px, replace: true }));
+    if let Some(to_px) = held.to_px(pointer_px) {
+        out.push(Command::Pull(PullRequest { frame, label, from_px, to_px, replace: true }));
+    }
 }
 
 /// Traces the thin structure through the points so far; one point alone is kept and waits for the next.

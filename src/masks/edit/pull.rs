@@ -9,6 +9,8 @@ use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, Region, outlines};
 const REACH_PX: f64 = 4.0;
 /// What is added to the reach for each pixel that a border is pulled.
 const REACH_PER_PX: f64 = 2.0;
+/// The least that gives way around a tip, in pixels.
+const LEAST_REACH_PX: f64 = 1.0;
 
 /// The borders of a region, to be pulled.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,18 +53,19 @@ impl ElasticBorders {
     }
 
     /// The border pulled from the place on it that is nearest to `from_px` to `to_px`. It gives way within 4 px and twice
-    /// the length of the pull around that place, of a small piece only as far as half-way across it. `None` without borders.
+    /// the length of the pull around that place, of a small piece only as far as half-way across it, and around a tip only
+    /// as far as the ends stay apart. `None` without borders.
     #[must_use]
     pub fn pull(&self, from_px: DVec2, to_px: DVec2) -> Option<Pull> {
         let Place { ring, side, at_px } = self.place(from_px)?;
         let across = ring.iter().map(|corner| corner.distance(at_px)).fold(0.0, f64::max);
-        let reach_px = (REACH_PX + REACH_PER_PX * at_px.distance(to_px)).min(across / 2.0);
-        let after = (1..=ring.len()).map(|step| ring[(side + step) % ring.len()]);
-        let before = (0..ring.len()).map(|step| ring[(side + ring.len() - step) % ring.len()]);
-        let mut gives_way: Vec<DVec2> = within(at_px, reach_px, before);
-        gives_way.reverse();
-        gives_way.push(at_px);
-        gives_way.extend(within(at_px, reach_px, after));
+        let mut reach_px = (REACH_PX + REACH_PER_PX * at_px.distance(to_px)).min(across / 2.0);
+        let mut gives_way = piece(ring, side, at_px, reach_px);
+        // Down both flanks of something thin the ends come together: the pull would take off what it means to make longer.
+        while reach_px > LEAST_REACH_PX && gives_way[0].distance(gives_way[gives_way.len() - 1]) < reach_px {
+            reach_px /= 2.0;
+            gives_way = piece(ring, side, at_px, reach_px);
+        }
         Some(Pull { width: self.width, height: self.height, gives_way, to_px })
     }
 
@@ -83,6 +86,17 @@ struct Place<'a> {
     /// The side from this corner to the next holds it.
     side: usize,
     at_px: DVec2,
+}
+
+/// The piece of a ring around a place on one of its sides, to where it leaves the reach.
+fn piece(ring: &[DVec2], side: usize, at_px: DVec2, reach_px: f64) -> Vec<DVec2> {
+    let after = (1..=ring.len()).map(|step| ring[(side + step) % ring.len()]);
+    let before = (0..ring.len()).map(|step| ring[(side + ring.len() - step) % ring.len()]);
+    let mut piece = within(at_px, reach_px, before);
+    piece.reverse();
+    piece.push(at_px);
+    piece.extend(within(at_px, reach_px, after));
+    piece
 }
 
 /// The corners from a place on as long as they lie within the reach, and the end where the line leaves it.
@@ -201,6 +215,16 @@ mod tests {
         let dot = mask(|x, y| (x - 30.0).abs() < 2.0 && (y - 30.0).abs() < 2.0);
         let out = pulled(&dot, [32.0, 30.0], [44.0, 30.0]);
         assert!(has(&out, 40, 30) && has(&out, 28, 28) && has(&out, 28, 31), "it reaches out, and is still there");
+    }
+
+    #[test]
+    fn the_tip_of_a_thin_leaf_grows_and_its_flanks_stay() {
+        let leaf = mask(|x, y| (5.0..35.0).contains(&x) && (y - 30.0).abs() < 3.0);
+        let longer = pulled(&leaf, [35.0, 30.0], [43.0, 30.0]);
+        let pairs = || leaf.ids.iter().zip(&longer.ids);
+        let (lost, gained) =
+            (pairs().filter(|(was, is)| was > is).count(), pairs().filter(|(was, is)| was < is).count());
+        assert!(lost <= 4 && gained >= 16, "{lost} px lost, {gained} gained");
     }
 
     #[test]

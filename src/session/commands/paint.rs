@@ -44,7 +44,7 @@ impl Session {
         self.commit(&format!("{verb} {name} on frame {}", request.frame), edits)
     }
 
-    /// Pulls the border of a label on a frame.
+    /// Pulls the border of a label on a frame; where that changes no pixel nothing happens.
     pub(in crate::session) fn pull(&mut self, request: &PullRequest) -> Result<()> {
         let project = self.snapshot()?;
         let PullRequest { frame, label, from_px, to_px, replace } = *request;
@@ -52,7 +52,9 @@ impl Session {
         check_unlocked(&project, frame, label)?;
         let mut mask = mask_of(&project, frame)?;
         let pulled = pull(&mut mask, (from_px, to_px), label, rule(replace), &project.labels);
-        pulled.with_context(|| format!("the border of '{name}' on frame {frame} cannot be pulled"))?;
+        if pulled.with_context(|| format!("the border of '{name}' on frame {frame} cannot be pulled"))? == 0 {
+            return Ok(());
+        }
         let edits = by_hand(&project, frame, &mask);
         self.commit(&format!("Pull border of {name} on frame {frame}"), edits)
     }

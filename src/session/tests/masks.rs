@@ -185,6 +185,10 @@ fn a_pulled_border_is_one_step_that_can_be_undone_and_leaves_locked_labels() {
     assert_eq!(session.undo_title(), Some("Pull border of leaf on frame 0"));
     perform(&mut session, Command::Undo).unwrap();
     assert_eq!(mask(&session), before);
+    perform(&mut session, square(STONE, 30.0, 40.0, false, false)).unwrap();
+    let (from_px, to_px) = (DVec2::new(12.0, 7.0), DVec2::new(12.0, 7.0));
+    perform(&mut session, Command::Pull(PullRequest { frame: 0, label: LEAF, from_px, to_px, replace: true })).unwrap();
+    assert_eq!(session.undo_title(), Some("Paint stone on frame 0"), "what changes nothing is no step");
     let lock = RangeRequest { labels: vec![LEAF], from: 0, to: 0, change: RangeChange::Lock, replace: false };
     perform(&mut session, Command::Range(lock)).unwrap();
     let error = perform(&mut session, pull(LEAF, 16.0)).unwrap_err().to_string();

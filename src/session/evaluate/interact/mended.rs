@@ -94,14 +94,7 @@ fn changes(truth: &LabelMask, mask: &LabelMask, label: LabelId, aim: &Aim) -> Re
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const LABEL: LabelId = LabelId(1);
-    const SIZE: u32 = 100;
-
-    fn mask(is_inside: impl Fn(u32, u32) -> bool) -> LabelMask {
-        let id = |at: u32| if is_inside(at % SIZE, at / SIZE) { LABEL } else { LabelId::NONE };
-        LabelMask { width: SIZE, height: SIZE, ids: (0..SIZE * SIZE).map(id).collect() }
-    }
+    use crate::session::evaluate::interact::tests::shape::{LABEL, mask};
 
     fn mended_from(truth: &LabelMask, mask: &LabelMask, corner_gain: f64, best: (bool, f64)) -> Option<Drawn> {
         let truth_region = truth.region(LABEL);
@@ -115,11 +108,11 @@ mod tests {
         let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
         // What a pull of 4 px gives, over 24 px of the lower side.
         let tip = |x: u32, y: u32| (80..84).contains(&y) && x.abs_diff(50) < 12 - 3 * (y - 80);
-        let truth = mask(|x, y| square(x, y) || tip(x, y));
-        let holed = |x: u32, y: u32| square(x, y) && !((30..50).contains(&x) && (30..50).contains(&y));
-        let drawn = mended_from(&truth, &mask(holed), 0.001, (false, 0.0)).unwrap();
-        assert!(drawn.corners < 7, "{}: by polygons four for the hole and three for the tip", drawn.corners);
-        assert!(drawn.mask.region(LABEL).iou(&truth.region(LABEL)) > 0.97);
+        let apart = |x: u32, y: u32| (2..14).contains(&x) && (2..14).contains(&y);
+        let truth = mask(|x, y| square(x, y) || tip(x, y) || apart(x, y));
+        let drawn = mended_from(&truth, &mask(square), 0.003, (false, 0.0)).unwrap();
+        assert_eq!(drawn.corners, 5, "one for the tip, four for what no border is near");
+        assert!(drawn.mask.region(LABEL).iou(&truth.region(LABEL)) > 0.98);
     }
 
     #[test]

@@ -13,10 +13,10 @@ pub struct InteractOptions {
     pub jitter_px: f64,
     /// Another seed makes clicks fall elsewhere.
     pub seed: u64,
-    /// The finest that a hand draws: how far a border lies off between two corners, in pixels; above 0.
+    /// The finest that a hand does, in pixels: how far a border lies off between two corners, and the shortest pull; above 0.
     pub outline_px: f64,
-    /// What corners that are drawn beyond [`Self::good_iou`] must add to the IoU of their label on their frame, for each of them:
-    /// what is drawn is carried on, so that a better outline is worth some; above 0.
+    /// What corners and pulls beyond [`Self::good_iou`] must add to the IoU of their label on their frame, for each of them: what
+    /// is drawn is carried on, so that a better outline is worth some; above 0.
     pub corner_gain: f64,
 }
 

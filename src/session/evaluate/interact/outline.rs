@@ -26,9 +26,10 @@ pub(super) type Iou<'a> = &'a dyn Fn(&LabelMask) -> f64;
 pub struct Aim {
     /// IoU at which a label is good; 0–1.
     pub good_iou: f64,
-    /// What further corners must add to the IoU of a label that is good, for each of them; above 0.
+    /// What further corners and pulls must add to the IoU of a label that is good, for each of them; above 0.
     pub corner_gain: f64,
-    /// How far a border lies off between two corners where a hand draws as finely as it can, in pixels; above 0.
+    /// How far a border lies off between two corners where a hand draws as finely as it can, and its shortest pull, in pixels;
+    /// above 0.
     pub finest_px: f64,
 }
 
@@ -195,14 +196,7 @@ fn polygons(region: &Region, off_px: f64) -> Vec<Outline> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const LABEL: LabelId = LabelId(1);
-    const SIZE: u32 = 100;
-
-    fn mask(is_inside: impl Fn(u32, u32) -> bool) -> LabelMask {
-        let id = |at: u32| if is_inside(at % SIZE, at / SIZE) { LABEL } else { LabelId::NONE };
-        LabelMask { width: SIZE, height: SIZE, ids: (0..SIZE * SIZE).map(id).collect() }
-    }
+    use crate::session::evaluate::interact::tests::shape::{LABEL, SIZE, mask};
 
     fn drawn_from(truth: &LabelMask, mask: &LabelMask) -> Option<Drawn> {
         drawn_for(truth, mask, 1.0)
@@ -216,6 +210,22 @@ mod tests {
         };
         let aim = Aim { good_iou: 0.9, corner_gain, finest_px: 2.0 };
         outlined((truth, mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap().map(|(drawn, _)| drawn)
+    }
+
+    #[test]
+    fn borders_are_pulled_or_polygons_drawn_whatever_is_less_work() {
+        let tree = LabelTree::default();
+        let drawn_with = |truth: &LabelMask, mask: &LabelMask, good_iou: f64| {
+            let region = truth.region(LABEL);
+            let iou = |mask: &LabelMask| mask.region(LABEL).iou(&region);
+            let aim = Aim { good_iou, corner_gain: 1.0, finest_px: 1.0 };
+            drawn((truth, mask), (LABEL, &tree), &iou, &aim).unwrap().unwrap().corners
+        };
+        let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
+        let tip = |x: u32, y: u32| (80..84).contains(&y) && x.abs_diff(50) < 12 - 3 * (y - 80);
+        let tipped = mask(|x, y| square(x, y) || tip(x, y));
+        assert_eq!(drawn_with(&tipped, &mask(square), 0.995), 1, "one pull");
+        assert_eq!(drawn_with(&mask(square), &mask(|_, _| false), 0.995), 4, "there is no border to be pulled");
     }
 
     #[test]

@@ -102,14 +102,7 @@ impl Judge<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const LABEL: LabelId = LabelId(1);
-    const SIZE: u32 = 80;
-
-    fn mask(is_inside: impl Fn(u32, u32) -> bool) -> LabelMask {
-        let id = |at: u32| if is_inside(at % SIZE, at / SIZE) { LABEL } else { LabelId::NONE };
-        LabelMask { width: SIZE, height: SIZE, ids: (0..SIZE * SIZE).map(id).collect() }
-    }
+    use crate::session::evaluate::interact::tests::shape::{LABEL, mask};
 
     #[test]
     fn a_corner_that_was_cut_off_is_pulled_out() {

@@ -13,6 +13,8 @@ use crate::masks::{
 };
 use crate::session::prepared::PreparedFrames;
 
+pub(super) mod shape;
+
 const SIZE: (u32, u32) = (64, 24);
 const FRAMES: u32 = 12;
 
