@@ -53,27 +53,27 @@ pub fn mended(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
     (iou, aim): (Iou<'_>, &Aim),
-    best: (bool, f64),
+    best: f64,
 ) -> Result<Option<Drawn>> {
     let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
-    let mut rank = aim.rank(iou(mask), 0);
+    let mut value = aim.value(iou(mask), 0);
     loop {
         let changes = changes(truth, &drawn.mask, label, aim)?;
         let mut touched = vec![false; mask.ids.len()];
-        let looked_at = rank;
+        let looked_at = value;
         for change in changes {
             let is_touched = |pixels: &Range<usize>| touched[pixels.clone()].contains(&true);
-            if aim.rank(1.0, drawn.corners + 1) <= best || change.pixels().iter().any(is_touched) {
+            if aim.value(1.0, drawn.corners + 1) <= best || change.pixels().iter().any(is_touched) {
                 continue;
             }
             let next = change.made(&drawn, (label, tree))?;
-            let ranked = aim.rank(iou(&next.mask), next.corners);
-            if ranked > rank {
-                (drawn, rank) = (next, ranked);
+            let next_value = aim.value(iou(&next.mask), next.corners);
+            if next_value > value {
+                (drawn, value) = (next, next_value);
                 change.pixels().iter().for_each(|pixels| touched[pixels.clone()].fill(true));
             }
         }
-        if rank <= looked_at {
+        if value <= looked_at {
             return Ok((drawn.corners > 0).then_some(drawn));
         }
     }
@@ -96,10 +96,10 @@ mod tests {
     use super::*;
     use crate::session::evaluate::interact::tests::shape::{LABEL, mask};
 
-    fn mended_from(truth: &LabelMask, mask: &LabelMask, corner_gain: f64, best: (bool, f64)) -> Option<Drawn> {
+    fn mended_from(truth: &LabelMask, mask: &LabelMask, gain_beyond: f64, best: f64) -> Option<Drawn> {
         let truth_region = truth.region(LABEL);
         let iou = |mask: &LabelMask| mask.region(LABEL).iou(&truth_region);
-        let aim = Aim { good_iou: 0.95, corner_gain, finest_px: 1.0 };
+        let aim = Aim { good_iou: 0.95, gain: 1e-6, gain_beyond, finest_px: 1.0 };
         mended((truth, mask), (LABEL, &LabelTree::default()), (&iou, &aim), best).unwrap()
     }
 
@@ -110,7 +110,7 @@ mod tests {
         let tip = |x: u32, y: u32| (80..84).contains(&y) && x.abs_diff(50) < 12 - 3 * (y - 80);
         let apart = |x: u32, y: u32| (2..14).contains(&x) && (2..14).contains(&y);
         let truth = mask(|x, y| square(x, y) || tip(x, y) || apart(x, y));
-        let drawn = mended_from(&truth, &mask(square), 0.003, (false, 0.0)).unwrap();
+        let drawn = mended_from(&truth, &mask(square), 0.003, 0.0).unwrap();
         assert_eq!(drawn.corners, 5, "one for the tip, four for what no border is near");
         assert!(drawn.mask.region(LABEL).iou(&truth.region(LABEL)) > 0.98);
     }
@@ -119,8 +119,8 @@ mod tests {
     fn what_cannot_outdo_the_best_so_far_is_not_done() {
         let truth = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y));
         let half = mask(|x, y| (20..80).contains(&x) && (20..60).contains(&y));
-        assert!(mended_from(&truth, &half, 0.001, (false, 0.0)).is_some());
-        assert_eq!(mended_from(&truth, &half, 0.001, (true, 1.0)), None);
-        assert_eq!(mended_from(&truth, &truth, 0.001, (false, 0.0)), None, "nothing is wrong");
+        assert!(mended_from(&truth, &half, 0.001, 0.0).is_some());
+        assert_eq!(mended_from(&truth, &half, 0.001, 1e9), None);
+        assert_eq!(mended_from(&truth, &truth, 0.001, 0.0), None, "nothing is wrong");
     }
 }

@@ -15,9 +15,13 @@ pub struct InteractOptions {
     pub seed: u64,
     /// The finest that a hand does, in pixels: how far a border lies off between two corners, and the shortest pull; above 0.
     pub outline_px: f64,
-    /// What corners and pulls beyond [`Self::good_iou`] must add to the IoU of their label on their frame, for each of them: what
-    /// is drawn is carried on, so that a better outline is worth some; above 0.
-    pub corner_gain: f64,
+    /// What corners and pulls must add to the IoU of their label on their frame until it is good, for each of them; above 0.
+    pub gain: f64,
+    /// What they must add beyond: what is drawn is carried on, so that a better outline is worth some; no less than [`Self::gain`].
+    /// Where all that pays is done and more is asked, half of it pays, and so on down to [`Self::least_gain`].
+    pub gain_beyond: f64,
+    /// Nothing that adds less is ever drawn; above 0.
+    pub least_gain: f64,
 }
 
 impl Default for InteractOptions {
@@ -30,7 +34,9 @@ impl Default for InteractOptions {
             jitter_px: 0.0,
             seed: 1,
             outline_px: 1.0,
-            corner_gain: 0.004,
+            gain: 0.0008,
+            gain_beyond: 0.004,
+            least_gain: 0.0005,
         }
     }
 }

@@ -3,6 +3,7 @@ use std::ops::Range;
 use anyhow::Result;
 use glam::DVec2;
 
+use super::InteractOptions;
 use super::mended::mended;
 use crate::masks::{
     LabelId, LabelMask, LabelTree, Outline, PaintRule, Region, assign, erase, fill_polygons, outlines, polygon_spans,
@@ -26,18 +27,33 @@ pub(super) type Iou<'a> = &'a dyn Fn(&LabelMask) -> f64;
 pub struct Aim {
     /// IoU at which a label is good; 0–1.
     pub good_iou: f64,
-    /// What further corners and pulls must add to the IoU of a label that is good, for each of them; above 0.
-    pub corner_gain: f64,
+    /// What corners and pulls must add to the IoU of a label until it is good, for each of them; above 0.
+    pub gain: f64,
+    /// What they must add to that of a label that is good; no less than [`Self::gain`].
+    pub gain_beyond: f64,
     /// How far a border lies off between two corners where a hand draws as finely as it can, and its shortest pull, in pixels;
     /// above 0.
     pub finest_px: f64,
 }
 
 impl Aim {
-    /// The greater, the better: good comes first, then what corners brought beyond their price; of what is not good the IoU.
-    pub(super) fn rank(&self, iou: f64, corners: usize) -> (bool, f64) {
-        let is_good = iou >= self.good_iou;
-        (is_good, if is_good { iou - self.corner_gain * corners as f64 } else { iou })
+    /// What pays.
+    #[must_use]
+    pub fn paying(options: &InteractOptions) -> Self {
+        let InteractOptions { good_iou, gain, gain_beyond, outline_px: finest_px, .. } = *options;
+        Self { good_iou, gain, gain_beyond, finest_px }
+    }
+
+    /// Whatever it takes until a label is good, and no more.
+    #[must_use]
+    pub fn good(options: &InteractOptions) -> Self {
+        Self { gain: f64::EPSILON, gain_beyond: 1.0, ..Self::paying(options) }
+    }
+
+    /// How many clicks an IoU is worth, less those that it took.
+    pub(super) fn value(&self, iou: f64, corners: usize) -> f64 {
+        let beyond = (iou - self.good_iou).max(0.0);
+        (iou - beyond) / self.gain + beyond / self.gain_beyond - corners as f64
     }
 
     /// How far the border of what is drawn lies off between two corners, in pixels, the coarsest first.
@@ -51,8 +67,8 @@ impl Aim {
 const OFF_PX: [f64; 4] = [8.0, 5.0, 3.0, 2.0];
 
 /// Draws what clicks could not: polygons around the whole of a label on a frame or around its wrong parts, or borders pulled
-/// and polygons among each other, those first that mend most for each click, with as few as make its IoU good, and more
-/// where they pay; where none make it good, what comes nearest. `None` where everything is finer than the finest of the aim.
+/// and polygons among each other, those first that mend most for each click, as long as they pay. `None` where nothing does, or
+/// everything is finer than the finest of the aim.
 ///
 /// # Errors
 /// When the masks differ in size.
@@ -62,29 +78,26 @@ pub fn drawn(
     iou: Iou<'_>,
     aim: &Aim,
 ) -> Result<Option<Drawn>> {
-    let outlined = outlined((truth, mask), (label, tree), iou, aim)?;
-    let so_far = outlined.as_ref().map_or((false, 0.0), |(_, rank)| *rank);
-    let mended = mended((truth, mask), (label, tree), (iou, aim), so_far)?;
-    let mended = mended.filter(|drawn| aim.rank(iou(&drawn.mask), drawn.corners) > so_far);
-    Ok(mended.or(outlined.map(|(drawn, _)| drawn)))
+    let (outlined, value) = outlined((truth, mask), (label, tree), iou, aim)?;
+    let mended = mended((truth, mask), (label, tree), (iou, aim), value)?;
+    Ok(mended.filter(|drawn| aim.value(iou(&drawn.mask), drawn.corners) > value).or(outlined))
 }
 
-/// The best that polygons alone give, with its rank.
+/// The best that polygons alone give, with its value; where nothing pays, `None` and the value of the mask as it is.
 fn outlined(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
     iou: Iou<'_>,
     aim: &Aim,
-) -> Result<Option<(Drawn, (bool, f64))>> {
-    let mut best: Option<(Drawn, (bool, f64))> = None;
+) -> Result<(Option<Drawn>, f64)> {
+    let mut best = (None, aim.value(iou(mask), 0));
     for off_px in aim.off_px() {
         let whole = drawn_whole((truth, mask), (label, tree), off_px)?;
-        let so_far = best.as_ref().map_or((false, 0.0), |(_, rank)| *rank);
-        let parts = drawn_parts((truth, mask), (label, tree), (iou, aim), off_px, so_far)?;
+        let parts = drawn_parts((truth, mask), (label, tree), (iou, aim), off_px, best.1)?;
         for drawn in [whole, parts].into_iter().flatten() {
-            let rank = aim.rank(iou(&drawn.mask), drawn.corners);
-            if best.as_ref().is_none_or(|(_, best)| rank > *best) {
-                best = Some((drawn, rank));
+            let value = aim.value(iou(&drawn.mask), drawn.corners);
+            if value > best.1 {
+                best = (Some(drawn), value);
             }
         }
     }
@@ -111,19 +124,19 @@ fn drawn_parts(
     (label, tree): (LabelId, &LabelTree),
     (iou, aim): (Iou<'_>, &Aim),
     off_px: f64,
-    best: (bool, f64),
+    best: f64,
 ) -> Result<Option<Drawn>> {
     let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
-    let mut rank = aim.rank(iou(mask), 0);
+    let mut value = aim.value(iou(mask), 0);
     for Correction { ring, include, .. } in corrections(truth, mask, label, off_px)? {
-        if aim.rank(1.0, drawn.corners + ring.len()) <= best {
+        if aim.value(1.0, drawn.corners + ring.len()) <= best {
             continue;
         }
         let mut next = drawn.clone();
         next.draw(&ring, (label, tree), include)?;
-        let ranked = aim.rank(iou(&next.mask), next.corners);
-        if ranked > rank {
-            (drawn, rank) = (next, ranked);
+        let next_value = aim.value(iou(&next.mask), next.corners);
+        if next_value > value {
+            (drawn, value) = (next, next_value);
         }
     }
     Ok((drawn.corners > 0).then_some(drawn))
@@ -202,14 +215,14 @@ mod tests {
         drawn_for(truth, mask, 1.0)
     }
 
-    fn drawn_for(truth: &LabelMask, mask: &LabelMask, corner_gain: f64) -> Option<Drawn> {
+    fn drawn_for(truth: &LabelMask, mask: &LabelMask, gain_beyond: f64) -> Option<Drawn> {
         let iou = |mask: &LabelMask| {
             let pairs = || mask.ids.iter().zip(&truth.ids);
             let both = pairs().filter(|(a, b)| **a == LABEL && **b == LABEL).count();
             both as f64 / pairs().filter(|(a, b)| **a == LABEL || **b == LABEL).count() as f64
         };
-        let aim = Aim { good_iou: 0.9, corner_gain, finest_px: 2.0 };
-        outlined((truth, mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap().map(|(drawn, _)| drawn)
+        let aim = Aim { good_iou: 0.9, gain: 1e-6, gain_beyond, finest_px: 2.0 };
+        outlined((truth, mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap().0
     }
 
     #[test]
@@ -218,7 +231,7 @@ mod tests {
         let drawn_with = |truth: &LabelMask, mask: &LabelMask, good_iou: f64| {
             let region = truth.region(LABEL);
             let iou = |mask: &LabelMask| mask.region(LABEL).iou(&region);
-            let aim = Aim { good_iou, corner_gain: 1.0, finest_px: 1.0 };
+            let aim = Aim { good_iou, gain: 1e-6, gain_beyond: 1.0, finest_px: 1.0 };
             drawn((truth, mask), (LABEL, &tree), &iou, &aim).unwrap().unwrap().corners
         };
         let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
@@ -245,6 +258,21 @@ mod tests {
         assert_eq!(drawn_for(&truth, &nothing, 1.0).unwrap().corners, 4);
         assert_eq!(drawn_for(&truth, &nothing, 0.004).unwrap(), Drawn { mask: truth.clone(), corners: 8 });
         assert_eq!(drawn_for(&truth, &nothing, 0.02).unwrap().corners, 4, "four for 0.05 are too dear");
+    }
+
+    #[test]
+    fn what_a_label_lacks_to_be_good_must_pay_too() {
+        let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
+        let (truth, mask) = (mask(square), mask(|x, y| square(x, y) && y < 70));
+        let drawn_with = |gain: f64| {
+            let region = truth.region(LABEL);
+            let iou = |mask: &LabelMask| mask.region(LABEL).iou(&region);
+            let aim = Aim { good_iou: 0.9, gain, gain_beyond: 1.0, finest_px: 1.0 };
+            outlined((&truth, &mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap().0
+        };
+        // Four corners for 0.07 from five sixths to 0.9.
+        assert_eq!(drawn_with(0.015).map(|drawn| drawn.corners), Some(4));
+        assert_eq!(drawn_with(0.02), None);
     }
 
     #[test]

@@ -4,7 +4,8 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 
 use super::choose::{Worth, most_worth};
-use super::user::RobotUser;
+use super::outline::Aim;
+use super::user::{Clicks, RobotUser};
 use super::{FrameByFrame, Goal, InteractOptions, InteractReport, Sequence};
 use crate::engine::job::Progress;
 use crate::masks::{LabelId, Segmenter, Tracker};
@@ -69,49 +70,77 @@ struct Game<'a> {
     goals: [Goal; 3],
     mean_iou: f64,
     corrected: BTreeSet<usize>,
-    /// Labels on frames for which clicking on does not pay.
+    aim: Aim,
+    /// Labels on frames for which nothing more pays.
     left_alone: BTreeSet<(usize, LabelId)>,
+    /// Labels on frames that were left alone once: they are no longer clicked on, only drawn.
+    clicked_out: BTreeSet<(usize, LabelId)>,
 }
 
 impl<'a> Game<'a> {
     fn new(user: RobotUser<'a>, tracker: &'a dyn Tracker, options: &'a InteractOptions) -> Self {
         let goals = InteractReport::GOALS.map(|mean_iou| Goal { mean_iou, clicks: None });
-        let (corrected, left_alone) = (BTreeSet::new(), BTreeSet::new());
-        Self { user, tracker, options, goals, mean_iou: 0.0, corrected, left_alone }
+        Self {
+            user,
+            tracker,
+            options,
+            goals,
+            mean_iou: 0.0,
+            corrected: BTreeSet::new(),
+            aim: Aim::paying(options),
+            left_alone: BTreeSet::new(),
+            clicked_out: BTreeSet::new(),
+        }
     }
 
     /// Labels a frame and tracks it; gives the frames on which that left a label below the IoU at which it is good.
     fn begin(&mut self, frame: usize, labels: &[LabelId]) -> Result<BTreeSet<usize>> {
-        self.user.visit(frame, labels, self.options.good_iou, self.options.visit_clicks)?;
+        self.user.visit(frame, labels, Clicks::of(self.options), &self.aim)?;
         self.user.track(self.tracker)?;
         self.note()?;
         let ious = self.user.ious_by_label()?;
         let poor = ious.values().flatten().filter(|&(_, &iou)| iou < self.options.good_iou);
-        Ok(poor.map(|(&frame, _)| frame).collect())
+        Ok(poor.map(|(&of, _)| of).filter(|&of| of != frame).collect())
     }
 
-    /// Where a correction is worth most.
-    fn next(&self) -> Result<Option<Worth>> {
-        Ok(most_worth(&self.user.ious_by_label()?, &self.user.anchors(), &self.left_alone))
+    /// Where a correction is worth most; where none pays any longer, the user is content with less for each corner.
+    fn next(&mut self) -> Result<Option<Worth>> {
+        loop {
+            let worth = most_worth(&self.user.ious_by_label()?, &self.user.anchors(), &self.left_alone);
+            let half = self.aim.gain_beyond / 2.0;
+            if worth.is_some() || half < self.options.least_gain {
+                return Ok(worth);
+            }
+            self.aim = Aim { gain: self.aim.gain.min(half), gain_beyond: half, ..self.aim };
+            self.left_alone.clear();
+        }
     }
 
     /// Corrects a label on a frame, with it the other labels that are poor there, and carries them anew.
     fn correct(&mut self, worth: Worth) -> Result<()> {
         let Worth { frame, label, iou } = worth;
         let good_iou = self.options.good_iou;
-        let (good, most) = if iou < good_iou { (good_iou, self.options.visit_clicks) } else { (1.0, 1) };
+        let clicks = match iou {
+            _ if self.clicked_out.contains(&(frame, label)) => Clicks { good_iou, most: 0 },
+            iou if iou < good_iou => Clicks::of(self.options),
+            _ => Clicks { good_iou: 1.0, most: 1 },
+        };
         let is_poor = |id: LabelId, iou: f64| iou < good_iou && !self.left_alone.contains(&(frame, id));
-        let ious = self.user.ious(frame)?.into_iter();
-        let labels: Vec<LabelId> =
-            ious.filter(|&(id, iou)| id == label || is_poor(id, iou)).map(|(id, _)| id).collect();
-        let is_better = self.user.visit(frame, &labels, good, most)?;
+        let before = self.user.ious(frame)?;
+        let is_meant = |(id, iou): &(&LabelId, &f64)| **id == label || is_poor(**id, **iou);
+        let labels: Vec<LabelId> = before.iter().filter(is_meant).map(|(&id, _)| id).collect();
+        let is_better = self.user.visit(frame, &labels, clicks, &self.aim)?;
         if is_better {
             self.corrected.insert(frame);
             self.user.retrack(self.tracker, frame, &labels)?;
         }
-        let ious = self.user.ious(frame)?;
-        let given_up = |id: &LabelId| !is_better || ious.get(id).is_some_and(|&iou| iou < good_iou);
-        self.left_alone.extend(labels.into_iter().filter(given_up).map(|id| (frame, id)));
+        let after = self.user.ious(frame)?;
+        let iou = |id: &LabelId| after.get(id).copied().unwrap_or(1.0);
+        let paid = |id: &LabelId| iou(id) >= good_iou && iou(id) - before[id] >= self.aim.gain_beyond;
+        for label in labels.into_iter().filter(|id| !is_better || !paid(id)) {
+            self.left_alone.insert((frame, label));
+            self.clicked_out.insert((frame, label));
+        }
         self.note()
     }
 
@@ -133,14 +162,14 @@ fn frame_by_frame(
     progress: &Progress,
 ) -> Result<BTreeMap<usize, FrameByFrame>> {
     let prepared = PreparedFrames::new(PREPARED_BYTES);
-    let options = &InteractOptions { corner_gain: 1.0, ..*options };
+    let aim = Aim::good(options);
     let mut all = BTreeMap::new();
     for (done, &frame) in sequence.truth.keys().enumerate() {
         progress.stage("click frame by frame")?;
         progress.step(done, sequence.truth.len())?;
         let turn = 1 + frame as u64;
         let mut user = RobotUser::new(sequence, segmenter, &prepared, progress, options, turn, usize::MAX);
-        user.visit(frame, &sequence.shown_on(frame), options.good_iou, options.visit_clicks)?;
+        user.visit(frame, &sequence.shown_on(frame), Clicks::of(options), &aim)?;
         let failed = user.ious(frame)?.values().any(|&iou| iou < options.good_iou);
         all.insert(frame, FrameByFrame { frames: 1, clicks: user.clicks(), failed: usize::from(failed) });
     }

@@ -17,7 +17,7 @@ use crate::session::{Edit, MaskOrigin, Project, PromptRequest, TrackSettings};
 const LEAST_GAIN: f64 = 0.01;
 
 /// What a label was given in a visit.
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 struct Given {
     clicks: usize,
     /// Clicks since it was last bettered.
@@ -31,6 +31,23 @@ impl Given {
         self.clicks += 1;
         self.in_vain = if iou >= self.best_iou + LEAST_GAIN { 0 } else { self.in_vain + 1 };
         self.best_iou = self.best_iou.max(iou);
+    }
+}
+
+/// How a label is clicked on a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Clicks {
+    /// IoU at which it is left; 0–1.
+    pub good_iou: f64,
+    /// Most clicks.
+    pub most: usize,
+}
+
+impl Clicks {
+    /// Of a label that is not good.
+    #[must_use]
+    pub fn of(options: &InteractOptions) -> Self {
+        Self { good_iou: options.good_iou, most: options.visit_clicks }
     }
 }
 
@@ -81,10 +98,11 @@ impl<'a> RobotUser<'a> {
     }
 
     /// Clicks on a frame, once for each of `labels` that it does not show yet, then always into the largest error of
-    /// those whose IoU is below `good_iou`, at most `most` times for each, and not on where several clicks in a row hardly
-    /// bettered it. The best that was reached on the way stands, the clicks after it are taken back (and count). What is not
-    /// good then is drawn. Says whether the frame is better than before.
-    pub fn visit(&mut self, frame: usize, labels: &[LabelId], good_iou: f64, most: usize) -> Result<bool> {
+    /// those whose IoU is below that of `clicks`, at most as often for each as it says, and not on where several clicks in a row
+    /// hardly bettered it. The best that was reached on the way stands, the clicks after it are taken back (and count). Then what
+    /// pays for the aim is drawn. Says whether the frame is better than before.
+    pub fn visit(&mut self, frame: usize, labels: &[LabelId], clicks: Clicks, aim: &Aim) -> Result<bool> {
+        let Clicks { good_iou, most } = clicks;
         let truth = self.sequence.truth_of(frame)?.decode();
         let was = self.frame_iou(frame)?;
         let mut best = (was, self.project.clone());
@@ -92,8 +110,8 @@ impl<'a> RobotUser<'a> {
         while !self.is_spent() {
             let ious = self.ious(frame)?;
             let is_poor = |id: &LabelId| ious.get(id).is_some_and(|&iou| iou < good_iou);
-            let pays = |given: &Given| given.clicks < most && given.in_vain < self.options.patience;
-            let is_open = |id: &LabelId| is_poor(id) && given.get(id).is_none_or(pays);
+            let pays = |Given { clicks, in_vain, .. }| clicks < most && in_vain < self.options.patience;
+            let is_open = |id: &LabelId| is_poor(id) && pays(given.get(id).copied().unwrap_or_default());
             let open: Vec<LabelId> = labels.iter().copied().filter(is_open).collect();
             let mask = mask_of(&self.project, frame)?;
             let is_new = |id: &LabelId| !given.contains_key(id) && !mask.ids.contains(id);
@@ -112,25 +130,24 @@ impl<'a> RobotUser<'a> {
         }
         self.project = best.1;
         for &label in labels {
-            self.draw(frame, label, &truth)?;
+            self.draw(frame, label, &truth, aim)?;
         }
         Ok(self.frame_iou(frame)? > was)
     }
 
-    /// Draws a label that is not good on a frame, where clicks are left and it is better for it.
-    fn draw(&mut self, frame: usize, label: LabelId, truth: &LabelMask) -> Result<()> {
-        let InteractOptions { good_iou, corner_gain, outline_px: finest_px, .. } = *self.options;
-        let is = self.ious(frame)?.get(&label).copied();
-        let Some(is) = is.filter(|&iou| iou < good_iou && !self.is_spent()) else { return Ok(()) };
+    /// Draws a label on a frame, where that pays, clicks are left and the frame is better for it.
+    fn draw(&mut self, frame: usize, label: LabelId, truth: &LabelMask, aim: &Aim) -> Result<()> {
+        let is_shown = self.ious(frame)?.contains_key(&label);
+        if self.is_spent() || !is_shown {
+            return Ok(());
+        }
         let sequence = self.sequence;
         let of_truth = sequence.truth_of(frame)?;
         let iou = |mask: &LabelMask| of_truth.ious(&RunMask::encode(mask)).get(&label).copied().unwrap_or(1.0);
         let mask = mask_of(&self.project, frame)?;
-        let aim = Aim { good_iou, corner_gain, finest_px };
-        let drawn = drawn((truth, &mask), (label, &sequence.labels), &iou, &aim)?;
+        let drawn = drawn((truth, &mask), (label, &sequence.labels), &iou, aim)?;
         let affordable = self.most_clicks - self.clicks;
-        let pays = |drawn: &Drawn| drawn.corners <= affordable && iou(&drawn.mask) > is;
-        let Some(Drawn { mask, corners }) = drawn.filter(pays) else { return Ok(()) };
+        let Some(Drawn { mask, corners }) = drawn.filter(|drawn| drawn.corners <= affordable) else { return Ok(()) };
         let before = (self.frame_iou(frame)?, self.project.clone());
         self.project.apply(Edit::SetMask { frame, mask: Some(anchor(&mask)) })?;
         self.clicks += corners;
