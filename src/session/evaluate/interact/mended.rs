@@ -2,7 +2,8 @@ use std::ops::Range;
 
 use anyhow::Result;
 
-use super::outline::{Aim, Correction, Drawn, Iou, corrections};
+use super::aim::Aim;
+use super::outline::{Correction, Drawn, Iou, corrections};
 use super::pulls::{Pulled, pulls};
 use crate::masks::{LabelId, LabelMask, LabelTree};
 
@@ -96,10 +97,10 @@ mod tests {
     use super::*;
     use crate::session::evaluate::interact::tests::shape::{LABEL, mask};
 
-    fn mended_from(truth: &LabelMask, mask: &LabelMask, gain_beyond: f64, best: f64) -> Option<Drawn> {
+    fn mended_from(truth: &LabelMask, mask: &LabelMask, price_beyond: f64, best: f64) -> Option<Drawn> {
         let truth_region = truth.region(LABEL);
         let iou = |mask: &LabelMask| mask.region(LABEL).iou(&truth_region);
-        let aim = Aim { good_iou: 0.95, gain: 1e-6, gain_beyond, finest_px: 1.0 };
+        let aim = Aim { good_iou: 0.95, price: 1e-6, price_beyond, finest_px: 1.0 };
         mended((truth, mask), (LABEL, &LabelTree::default()), (&iou, &aim), best).unwrap()
     }
 

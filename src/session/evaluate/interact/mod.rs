@@ -3,7 +3,10 @@
 //! May use: the seams of masks, and how a session answers prompts and tracks. Must not touch: the open project, the disk
 //! but to read frames and truth.
 
+mod aim;
+mod alone;
 mod choose;
+mod draw;
 mod hand;
 mod mended;
 mod options;

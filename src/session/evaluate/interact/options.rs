@@ -1,7 +1,7 @@
 /// How the robot user works.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InteractOptions {
-    /// IoU of a label on a frame at which it is left as it is; 0–1.
+    /// IoU of a label on a frame at which it is good: it is clicked on no longer as long as others are worse; 0–1.
     pub good_iou: f64,
     /// Most clicks for a label in one visit of a frame; ≥ 1.
     pub visit_clicks: usize,
@@ -16,12 +16,13 @@ pub struct InteractOptions {
     /// The finest that a hand does, in pixels: how far a border lies off between two corners, and the shortest pull; above 0.
     pub outline_px: f64,
     /// What corners and pulls must add to the IoU of their label on their frame until it is good, for each of them; above 0.
-    pub gain: f64,
-    /// What they must add beyond: what is drawn is carried on, so that a better outline is worth some; no less than [`Self::gain`].
-    /// Where all that pays is done and more is asked, half of it pays, and so on down to [`Self::least_gain`].
-    pub gain_beyond: f64,
-    /// Nothing that adds less is ever drawn; above 0.
-    pub least_gain: f64,
+    pub price: f64,
+    /// What they must add beyond: what is drawn is carried on, so that a better outline is worth some; no less than [`Self::price`].
+    /// Where all that pays is done and more is asked, half of it is enough, and half of that, as long as that is no less than
+    /// [`Self::least_price`].
+    pub price_beyond: f64,
+    /// Above 0.
+    pub least_price: f64,
 }
 
 impl Default for InteractOptions {
@@ -34,9 +35,9 @@ impl Default for InteractOptions {
             jitter_px: 0.0,
             seed: 1,
             outline_px: 1.0,
-            gain: 0.0008,
-            gain_beyond: 0.004,
-            least_gain: 0.0005,
+            price: 0.0008,
+            price_beyond: 0.004,
+            least_price: 0.0005,
         }
     }
 }

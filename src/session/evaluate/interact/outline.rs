@@ -3,8 +3,7 @@ use std::ops::Range;
 use anyhow::Result;
 use glam::DVec2;
 
-use super::InteractOptions;
-use super::mended::mended;
+use super::aim::Aim;
 use crate::masks::{
     LabelId, LabelMask, LabelTree, Outline, PaintRule, Region, assign, erase, fill_polygons, outlines, polygon_spans,
     pull,
@@ -22,69 +21,8 @@ pub struct Drawn {
 /// How much of a label on a frame is right.
 pub(super) type Iou<'a> = &'a dyn Fn(&LabelMask) -> f64;
 
-/// What a user draws for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Aim {
-    /// IoU at which a label is good; 0–1.
-    pub good_iou: f64,
-    /// What corners and pulls must add to the IoU of a label until it is good, for each of them; above 0.
-    pub gain: f64,
-    /// What they must add to that of a label that is good; no less than [`Self::gain`].
-    pub gain_beyond: f64,
-    /// How far a border lies off between two corners where a hand draws as finely as it can, and its shortest pull, in pixels;
-    /// above 0.
-    pub finest_px: f64,
-}
-
-impl Aim {
-    /// What pays.
-    #[must_use]
-    pub fn paying(options: &InteractOptions) -> Self {
-        let InteractOptions { good_iou, gain, gain_beyond, outline_px: finest_px, .. } = *options;
-        Self { good_iou, gain, gain_beyond, finest_px }
-    }
-
-    /// Whatever it takes until a label is good, and no more.
-    #[must_use]
-    pub fn good(options: &InteractOptions) -> Self {
-        Self { gain: f64::EPSILON, gain_beyond: 1.0, ..Self::paying(options) }
-    }
-
-    /// How many clicks an IoU is worth, less those that it took.
-    pub(super) fn value(&self, iou: f64, corners: usize) -> f64 {
-        let beyond = (iou - self.good_iou).max(0.0);
-        (iou - beyond) / self.gain + beyond / self.gain_beyond - corners as f64
-    }
-
-    /// How far the border of what is drawn lies off between two corners, in pixels, the coarsest first.
-    pub(super) fn off_px(&self) -> impl Iterator<Item = f64> + use<> {
-        let finest_px = self.finest_px;
-        OFF_PX.into_iter().filter(move |&off_px| off_px > finest_px).chain([finest_px])
-    }
-}
-
-/// How far the border of what is drawn may lie off between two corners, in pixels: a hand is no finer than it must be.
-const OFF_PX: [f64; 4] = [8.0, 5.0, 3.0, 2.0];
-
-/// Draws what clicks could not: polygons around the whole of a label on a frame or around its wrong parts, or borders pulled
-/// and polygons among each other, those first that mend most for each click, as long as they pay. `None` where nothing does, or
-/// everything is finer than the finest of the aim.
-///
-/// # Errors
-/// When the masks differ in size.
-pub fn drawn(
-    (truth, mask): (&LabelMask, &LabelMask),
-    (label, tree): (LabelId, &LabelTree),
-    iou: Iou<'_>,
-    aim: &Aim,
-) -> Result<Option<Drawn>> {
-    let (outlined, value) = outlined((truth, mask), (label, tree), iou, aim)?;
-    let mended = mended((truth, mask), (label, tree), (iou, aim), value)?;
-    Ok(mended.filter(|drawn| aim.value(iou(&drawn.mask), drawn.corners) > value).or(outlined))
-}
-
 /// The best that polygons alone give, with its value; where nothing pays, `None` and the value of the mask as it is.
-fn outlined(
+pub(super) fn outlined(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
     iou: Iou<'_>,
@@ -104,7 +42,7 @@ fn outlined(
     Ok(best)
 }
 
-/// The label taken off the frame and drawn anew.
+/// The label taken off the frame and drawn anew; where it does not belong there, taken off by one click.
 fn drawn_whole(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
@@ -114,6 +52,9 @@ fn drawn_whole(
     erase(&mut drawn.mask, &mask.region(label), Some(label))?;
     for polygon in polygons(&truth.region(label), off_px) {
         drawn.draw(&polygon.keyhole(), (label, tree), true)?;
+    }
+    if !truth.ids.contains(&label) {
+        drawn.corners = 1;
     }
     Ok((drawn.corners > 0).then_some(drawn))
 }
@@ -215,30 +156,14 @@ mod tests {
         drawn_for(truth, mask, 1.0)
     }
 
-    fn drawn_for(truth: &LabelMask, mask: &LabelMask, gain_beyond: f64) -> Option<Drawn> {
+    fn drawn_for(truth: &LabelMask, mask: &LabelMask, price_beyond: f64) -> Option<Drawn> {
         let iou = |mask: &LabelMask| {
             let pairs = || mask.ids.iter().zip(&truth.ids);
             let both = pairs().filter(|(a, b)| **a == LABEL && **b == LABEL).count();
             both as f64 / pairs().filter(|(a, b)| **a == LABEL || **b == LABEL).count() as f64
         };
-        let aim = Aim { good_iou: 0.9, gain: 1e-6, gain_beyond, finest_px: 2.0 };
+        let aim = Aim { good_iou: 0.9, price: 1e-6, price_beyond, finest_px: 2.0 };
         outlined((truth, mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap().0
-    }
-
-    #[test]
-    fn borders_are_pulled_or_polygons_drawn_whatever_is_less_work() {
-        let tree = LabelTree::default();
-        let drawn_with = |truth: &LabelMask, mask: &LabelMask, good_iou: f64| {
-            let region = truth.region(LABEL);
-            let iou = |mask: &LabelMask| mask.region(LABEL).iou(&region);
-            let aim = Aim { good_iou, gain: 1e-6, gain_beyond: 1.0, finest_px: 1.0 };
-            drawn((truth, mask), (LABEL, &tree), &iou, &aim).unwrap().unwrap().corners
-        };
-        let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
-        let tip = |x: u32, y: u32| (80..84).contains(&y) && x.abs_diff(50) < 12 - 3 * (y - 80);
-        let tipped = mask(|x, y| square(x, y) || tip(x, y));
-        assert_eq!(drawn_with(&tipped, &mask(square), 0.995), 1, "one pull");
-        assert_eq!(drawn_with(&mask(square), &mask(|_, _| false), 0.995), 4, "there is no border to be pulled");
     }
 
     #[test]
@@ -264,10 +189,10 @@ mod tests {
     fn what_a_label_lacks_to_be_good_must_pay_too() {
         let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
         let (truth, mask) = (mask(square), mask(|x, y| square(x, y) && y < 70));
-        let drawn_with = |gain: f64| {
+        let drawn_with = |price: f64| {
             let region = truth.region(LABEL);
             let iou = |mask: &LabelMask| mask.region(LABEL).iou(&region);
-            let aim = Aim { good_iou: 0.9, gain, gain_beyond: 1.0, finest_px: 1.0 };
+            let aim = Aim { good_iou: 0.9, price, price_beyond: 1.0, finest_px: 1.0 };
             outlined((&truth, &mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap().0
         };
         // Four corners for 0.07 from five sixths to 0.9.

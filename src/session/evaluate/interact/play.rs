@@ -3,10 +3,11 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 
+use super::aim::Aim;
+use super::alone::frame_by_frame;
 use super::choose::{Worth, most_worth};
-use super::outline::Aim;
 use super::user::{Clicks, RobotUser};
-use super::{FrameByFrame, Goal, InteractOptions, InteractReport, Sequence};
+use super::{Goal, InteractOptions, InteractReport, Sequence};
 use crate::engine::job::Progress;
 use crate::masks::{LabelId, Segmenter, Tracker};
 use crate::session::prepared::PreparedFrames;
@@ -16,8 +17,8 @@ const PREPARED_BYTES: usize = 256 << 20;
 
 /// Plays a robot user who labels the first frame that shows anything, tracks, and then corrects where most is amiss,
 /// which is carried anew up to the neighbouring anchors, until the sequence is good enough or twice as much work as clicking
-/// every frame from nothing, which is counted first. A label that a visit left below [`InteractOptions::good_iou`], or did not
-/// better, is left alone on that frame.
+/// every frame from nothing, which is counted first. A label that a visit left below [`InteractOptions::good_iou`], or bettered
+/// by less than a corner must, is left alone on that frame until less is asked of each corner, and then only drawn.
 ///
 /// # Errors
 /// When the truth shows no label, a frame cannot be read, segmenter or tracker fails, or on a stop.
@@ -30,9 +31,9 @@ pub fn interact(
 ) -> Result<InteractReport> {
     let first = sequence.truth.keys().copied().find(|&frame| !sequence.shown_on(frame).is_empty());
     let first = first.context("the true masks show no label; give masks that do")?;
-    let alone = frame_by_frame(sequence, segmenter, options, progress)?;
-    let begun = Instant::now();
     let prepared = PreparedFrames::new(PREPARED_BYTES);
+    let alone = frame_by_frame(sequence, segmenter, &prepared, options, progress)?;
+    let begun = Instant::now();
     let most_clicks = 2 * alone.values().map(|alone| alone.clicks).sum::<usize>();
     let user = RobotUser::new(sequence, segmenter, &prepared, progress, options, 0, most_clicks);
     let mut game = Game::new(user, tracker, options);
@@ -87,61 +88,75 @@ impl<'a> Game<'a> {
             goals,
             mean_iou: 0.0,
             corrected: BTreeSet::new(),
-            aim: Aim::paying(options),
+            aim: Aim::of(options),
             left_alone: BTreeSet::new(),
             clicked_out: BTreeSet::new(),
         }
     }
 
-    /// Labels a frame and tracks it; gives the frames on which that left a label below the IoU at which it is good.
-    fn begin(&mut self, frame: usize, labels: &[LabelId]) -> Result<BTreeSet<usize>> {
-        self.user.visit(frame, labels, Clicks::of(self.options), &self.aim)?;
+    /// Labels the first frame and tracks it; gives the others on which that left a label below the IoU at which it is good.
+    fn begin(&mut self, first: usize, labels: &[LabelId]) -> Result<BTreeSet<usize>> {
+        let asked = labels.iter().map(|&label| (label, Clicks::of(self.options))).collect();
+        let before = self.user.ious(first)?;
+        self.user.visit(first, &asked, &self.aim)?;
+        self.leave(first, &asked, &before)?;
         self.user.track(self.tracker)?;
         self.note()?;
         let ious = self.user.ious_by_label()?;
         let poor = ious.values().flatten().filter(|&(_, &iou)| iou < self.options.good_iou);
-        Ok(poor.map(|(&of, _)| of).filter(|&of| of != frame).collect())
+        Ok(poor.map(|(&frame, _)| frame).filter(|&frame| frame != first).collect())
     }
 
     /// Where a correction is worth most; where none pays any longer, the user is content with less for each corner.
     fn next(&mut self) -> Result<Option<Worth>> {
         loop {
             let worth = most_worth(&self.user.ious_by_label()?, &self.user.anchors(), &self.left_alone);
-            let half = self.aim.gain_beyond / 2.0;
-            if worth.is_some() || half < self.options.least_gain {
-                return Ok(worth);
-            }
-            self.aim = Aim { gain: self.aim.gain.min(half), gain_beyond: half, ..self.aim };
+            let lowered = self.aim.lowered(self.options.least_price);
+            let (None, Some(aim)) = (worth, lowered) else { return Ok(worth) };
+            self.aim = aim;
             self.left_alone.clear();
         }
     }
 
     /// Corrects a label on a frame, with it the other labels that are poor there, and carries them anew.
     fn correct(&mut self, worth: Worth) -> Result<()> {
-        let Worth { frame, label, iou } = worth;
+        let Worth { frame, label, .. } = worth;
         let good_iou = self.options.good_iou;
-        let clicks = match iou {
-            _ if self.clicked_out.contains(&(frame, label)) => Clicks { good_iou, most: 0 },
-            iou if iou < good_iou => Clicks::of(self.options),
-            _ => Clicks { good_iou: 1.0, most: 1 },
-        };
-        let is_poor = |id: LabelId, iou: f64| iou < good_iou && !self.left_alone.contains(&(frame, id));
         let before = self.user.ious(frame)?;
-        let is_meant = |(id, iou): &(&LabelId, &f64)| **id == label || is_poor(**id, **iou);
-        let labels: Vec<LabelId> = before.iter().filter(is_meant).map(|(&id, _)| id).collect();
-        let is_better = self.user.visit(frame, &labels, clicks, &self.aim)?;
-        if is_better {
+        let is_meant = |id: LabelId, iou: f64| id == label || iou < good_iou && !self.left_alone.contains(&(frame, id));
+        let clicks = |id: LabelId, iou: f64| match self.clicked_out.contains(&(frame, id)) {
+            true => Clicks::NONE,
+            false if iou < good_iou => Clicks::of(self.options),
+            false => Clicks::ONE,
+        };
+        let meant = before.iter().filter(|&(&id, &iou)| is_meant(id, iou));
+        let asked: BTreeMap<LabelId, Clicks> = meant.map(|(&id, &iou)| (id, clicks(id, iou))).collect();
+        if self.user.visit(frame, &asked, &self.aim)? {
             self.corrected.insert(frame);
+            let labels: Vec<LabelId> = asked.keys().copied().collect();
             self.user.retrack(self.tracker, frame, &labels)?;
         }
-        let after = self.user.ious(frame)?;
-        let iou = |id: &LabelId| after.get(id).copied().unwrap_or(1.0);
-        let paid = |id: &LabelId| iou(id) >= good_iou && iou(id) - before[id] >= self.aim.gain_beyond;
-        for label in labels.into_iter().filter(|id| !is_better || !paid(id)) {
-            self.left_alone.insert((frame, label));
-            self.clicked_out.insert((frame, label));
-        }
+        self.leave(frame, &asked, &before)?;
         self.note()
+    }
+
+    /// Notes which labels of a visited frame are to be left alone: those that are not good yet, or gained less than a corner must.
+    fn leave(
+        &mut self,
+        frame: usize,
+        asked: &BTreeMap<LabelId, Clicks>,
+        before: &BTreeMap<LabelId, f64>,
+    ) -> Result<()> {
+        let after = self.user.ious(frame)?;
+        let iou = |of: &BTreeMap<LabelId, f64>, id| of.get(&id).copied().unwrap_or(1.0);
+        for &id in asked.keys() {
+            let (was, is) = (iou(before, id), iou(&after, id));
+            if is < self.options.good_iou || is - was < self.aim.price_beyond {
+                self.left_alone.insert((frame, id));
+                self.clicked_out.insert((frame, id));
+            }
+        }
+        Ok(())
     }
 
     /// Notes the mean IoU, and the goals that are reached now for the first time.
@@ -152,26 +167,4 @@ impl<'a> Game<'a> {
         }
         Ok(())
     }
-}
-
-/// Counts the clicks for every frame from nothing, without a tracker: nothing is carried on, so that good is good enough.
-fn frame_by_frame(
-    sequence: &Sequence,
-    segmenter: &dyn Segmenter,
-    options: &InteractOptions,
-    progress: &Progress,
-) -> Result<BTreeMap<usize, FrameByFrame>> {
-    let prepared = PreparedFrames::new(PREPARED_BYTES);
-    let aim = Aim::good(options);
-    let mut all = BTreeMap::new();
-    for (done, &frame) in sequence.truth.keys().enumerate() {
-        progress.stage("click frame by frame")?;
-        progress.step(done, sequence.truth.len())?;
-        let turn = 1 + frame as u64;
-        let mut user = RobotUser::new(sequence, segmenter, &prepared, progress, options, turn, usize::MAX);
-        user.visit(frame, &sequence.shown_on(frame), Clicks::of(options), &aim)?;
-        let failed = user.ious(frame)?.values().any(|&iou| iou < options.good_iou);
-        all.insert(frame, FrameByFrame { frames: 1, clicks: user.clicks(), failed: usize::from(failed) });
-    }
-    Ok(all)
 }

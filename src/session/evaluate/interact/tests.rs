@@ -3,7 +3,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use super::outline::Aim;
+use super::aim::Aim;
 use super::user::{Clicks, RobotUser};
 use super::{FrameByFrame, InteractOptions, Sequence, interact};
 use crate::engine::job::{Progress, Stopped};
@@ -158,13 +158,15 @@ fn what_did_not_pay_is_drawn_where_more_is_asked() {
     let folder = tempfile::tempdir().unwrap();
     let sequence = sequence(folder.path());
     // Each of four corners brings an IoU of a quarter.
-    for (least_gain, is_drawn) in [(0.2, false), (0.1, true)] {
-        let options = InteractOptions { gain: 0.3, gain_beyond: 0.3, least_gain, ..InteractOptions::default() };
+    for (least_price, is_drawn) in [(0.2, false), (0.1, true)] {
+        let options = InteractOptions { price: 0.3, price_beyond: 0.3, least_price, ..InteractOptions::default() };
         let report =
             interact(&sequence, &ByColor { whole: false }, &Copier::default(), &options, &Progress::default()).unwrap();
         assert_eq!((report.corners > 0, report.mean_iou >= 0.9), (is_drawn, is_drawn), "{report:?}");
-        let of_frames = report.frame_by_frame;
-        assert_eq!(of_frames.clicks, 21 * (options.patience + 4), "frame by frame it is drawn whatever it takes");
+        assert_eq!(report.failed_by_frame.frames, FRAMES as usize - 1, "the first was not tracked");
+        let corners = if is_drawn { 4 } else { 0 };
+        assert_eq!(report.frame_by_frame.clicks, 21 * (options.patience + corners), "by the same rules");
+        assert!(report.clicks - report.corners <= 21 * options.patience, "nothing is clicked on in vain twice");
     }
 }
 
@@ -190,8 +192,8 @@ fn no_more_clicks_are_given_than_there_are() {
     let (prepared, segmenter) = (PreparedFrames::new(1 << 20), ByColor { whole: false });
     for most in [2, 5] {
         let mut user = RobotUser::new(&sequence, &segmenter, &prepared, &progress, &options, 0, most);
-        let aim = Aim::good(&options);
-        user.visit(4, &sequence.shown_on(4), Clicks::of(&options), &aim).unwrap();
+        let asked = sequence.shown_on(4).into_iter().map(|label| (label, Clicks::of(&options))).collect();
+        user.visit(4, &asked, &Aim::of(&options)).unwrap();
         // Six clicks in vain and four corners for each of two labels would be wanted.
         assert!(user.is_spent() && user.clicks() == most && user.corners() == 0, "{} of {most}", user.clicks());
     }

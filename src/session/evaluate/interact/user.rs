@@ -3,9 +3,11 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
+use super::aim::Aim;
 use super::choose::IousByLabel;
+use super::draw::drawn;
 use super::hand::Hand;
-use super::outline::{Aim, Drawn, drawn};
+use super::outline::Drawn;
 use super::{InteractOptions, Sequence};
 use crate::engine::job::Progress;
 use crate::masks::{Click, LabelId, LabelMask, RunMask, Segmenter, Tracker, next_label_click};
@@ -44,7 +46,12 @@ pub struct Clicks {
 }
 
 impl Clicks {
-    /// Of a label that is not good.
+    /// It is only drawn.
+    pub const NONE: Self = Self { good_iou: 0.0, most: 0 };
+    /// Whatever one click betters.
+    pub const ONE: Self = Self { good_iou: 1.0, most: 1 };
+
+    /// Until it is good.
     #[must_use]
     pub fn of(options: &InteractOptions) -> Self {
         Self { good_iou: options.good_iou, most: options.visit_clicks }
@@ -98,21 +105,22 @@ impl<'a> RobotUser<'a> {
     }
 
     /// Clicks on a frame, once for each of `labels` that it does not show yet, then always into the largest error of
-    /// those whose IoU is below that of `clicks`, at most as often for each as it says, and not on where several clicks in a row
-    /// hardly bettered it. The best that was reached on the way stands, the clicks after it are taken back (and count). Then what
-    /// pays for the aim is drawn. Says whether the frame is better than before.
-    pub fn visit(&mut self, frame: usize, labels: &[LabelId], clicks: Clicks, aim: &Aim) -> Result<bool> {
-        let Clicks { good_iou, most } = clicks;
+    /// those that are to be clicked on, and not on where several clicks in a row hardly bettered it. The best that was reached
+    /// on the way stands, the clicks after it are taken back (and count). Then what pays for the aim is drawn. Says whether the
+    /// frame is better than before.
+    pub fn visit(&mut self, frame: usize, labels: &BTreeMap<LabelId, Clicks>, aim: &Aim) -> Result<bool> {
         let truth = self.sequence.truth_of(frame)?.decode();
         let was = self.frame_iou(frame)?;
         let mut best = (was, self.project.clone());
         let mut given: BTreeMap<LabelId, Given> = BTreeMap::new();
         while !self.is_spent() {
             let ious = self.ious(frame)?;
-            let is_poor = |id: &LabelId| ious.get(id).is_some_and(|&iou| iou < good_iou);
-            let pays = |Given { clicks, in_vain, .. }| clicks < most && in_vain < self.options.patience;
-            let is_open = |id: &LabelId| is_poor(id) && pays(given.get(id).copied().unwrap_or_default());
-            let open: Vec<LabelId> = labels.iter().copied().filter(is_open).collect();
+            let is_open = |(id, asked): &(&LabelId, &Clicks)| {
+                let so_far: Given = given.get(id).copied().unwrap_or_default();
+                let is_poor = ious.get(id).is_some_and(|&iou| iou < asked.good_iou);
+                is_poor && so_far.clicks < asked.most && so_far.in_vain < self.options.patience
+            };
+            let open: Vec<LabelId> = labels.iter().filter(is_open).map(|(&id, _)| id).collect();
             let mask = mask_of(&self.project, frame)?;
             let is_new = |id: &LabelId| !given.contains_key(id) && !mask.ids.contains(id);
             let new: Vec<LabelId> = open.iter().copied().filter(is_new).collect();
@@ -129,33 +137,33 @@ impl<'a> RobotUser<'a> {
             }
         }
         self.project = best.1;
-        for &label in labels {
+        for &label in labels.keys() {
             self.draw(frame, label, &truth, aim)?;
         }
         Ok(self.frame_iou(frame)? > was)
     }
 
-    /// Draws a label on a frame, where that pays, clicks are left and the frame is better for it.
+    /// Draws a label on a frame, where that pays, less what other labels lose by it, and clicks are left.
     fn draw(&mut self, frame: usize, label: LabelId, truth: &LabelMask, aim: &Aim) -> Result<()> {
-        let is_shown = self.ious(frame)?.contains_key(&label);
-        if self.is_spent() || !is_shown {
+        let before = self.ious(frame)?;
+        if self.is_spent() || !before.contains_key(&label) {
             return Ok(());
         }
         let sequence = self.sequence;
         let of_truth = sequence.truth_of(frame)?;
-        let iou = |mask: &LabelMask| of_truth.ious(&RunMask::encode(mask)).get(&label).copied().unwrap_or(1.0);
+        let iou = |mask: &LabelMask| {
+            let ious = of_truth.ious(&RunMask::encode(mask));
+            let now = |id: &LabelId| ious.get(id).copied().unwrap_or(1.0);
+            let lost = before.iter().filter(|(id, _)| **id != label).map(|(id, was)| was - now(id)).sum::<f64>();
+            now(&label) - lost.max(0.0)
+        };
         let mask = mask_of(&self.project, frame)?;
         let drawn = drawn((truth, &mask), (label, &sequence.labels), &iou, aim)?;
         let affordable = self.most_clicks - self.clicks;
         let Some(Drawn { mask, corners }) = drawn.filter(|drawn| drawn.corners <= affordable) else { return Ok(()) };
-        let before = (self.frame_iou(frame)?, self.project.clone());
         self.project.apply(Edit::SetMask { frame, mask: Some(anchor(&mask)) })?;
         self.clicks += corners;
         self.corners += corners;
-        if self.frame_iou(frame)? <= before.0 {
-            // It cost other labels more than it gave this one.
-            self.project = before.1;
-        }
         Ok(())
     }
 
@@ -240,9 +248,9 @@ impl<'a> RobotUser<'a> {
         Ok(all)
     }
 
-    /// Mean over labels of the mean over the frames on which truth or result shows the label.
+    /// Mean IoU over the sequence ([`mean_over_labels`]).
     pub fn mean_iou(&self) -> Result<f64> {
-        Ok(mean(self.ious_by_label()?.into_values().map(|of| mean(of.into_values()))))
+        Ok(mean_over_labels(self.ious_by_label()?))
     }
 
     /// The frames that are anchors.
@@ -255,6 +263,11 @@ impl<'a> RobotUser<'a> {
     fn frame_iou(&self, frame: usize) -> Result<f64> {
         Ok(mean(self.ious(frame)?.into_values()))
     }
+}
+
+/// Mean over labels of the mean over the frames on which truth or result shows the label.
+pub(super) fn mean_over_labels(ious: IousByLabel) -> f64 {
+    mean(ious.into_values().map(|of| mean(of.into_values())))
 }
 
 /// 1 of nothing: there is nothing wrong.
