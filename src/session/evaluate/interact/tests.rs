@@ -149,7 +149,8 @@ fn what_clicks_cannot_do_is_drawn_and_its_corners_count() {
         interact(&sequence, &ByColor { whole: false }, &Copier::default(), &options, &Progress::default()).unwrap();
     // Three clicks in vain and the four corners of a rectangle.
     assert_eq!(report.frame_by_frame, FrameByFrame { frames: 12, clicks: 21 * (options.patience + 4), failed: 0 });
-    assert!(report.mean_iou >= 0.95 && report.corners > 0 && report.corners.is_multiple_of(4), "{report:?}");
+    assert!(report.mean_iou >= 0.95, "{report:?}");
+    assert_eq!(report.corners % 4, 1, "rectangles, and what was copied to where nothing is, taken off: {report:?}");
     assert!(report.clicks * 4 >= report.corners * 7, "clicks in vain come before each: {report:?}");
 }
 
@@ -162,11 +163,14 @@ fn what_did_not_pay_is_drawn_where_more_is_asked() {
         let options = InteractOptions { price: 0.3, price_beyond: 0.3, least_price, ..InteractOptions::default() };
         let report =
             interact(&sequence, &ByColor { whole: false }, &Copier::default(), &options, &Progress::default()).unwrap();
-        assert_eq!((report.corners > 0, report.mean_iou >= 0.9), (is_drawn, is_drawn), "{report:?}");
+        assert_eq!((report.corners >= 4, report.mean_iou >= 0.9), (is_drawn, is_drawn), "{report:?}");
         assert_eq!(report.failed_by_frame.frames, FRAMES as usize - 1, "the first was not tracked");
-        let corners = if is_drawn { 4 } else { 0 };
-        assert_eq!(report.frame_by_frame.clicks, 21 * (options.patience + corners), "by the same rules");
-        assert!(report.clicks - report.corners <= 21 * options.patience, "nothing is clicked on in vain twice");
+        // Without the last frame's two objects the mean is 0.90 already.
+        let corners = if is_drawn { 19 * 4 } else { 0 };
+        assert_eq!(report.frame_by_frame.clicks, 21 * options.patience + corners, "by the same rules: {report:?}");
+        // Blue is clicked on where it was copied to but is not, too.
+        let in_vain = report.clicks - report.corners;
+        assert!(in_vain <= 22 * options.patience, "nothing is clicked on in vain twice: {report:?}");
     }
 }
 
