@@ -4,8 +4,7 @@ use std::iter::{once, successors};
 use anyhow::Result;
 
 use super::aim::Aim;
-use super::choose::IousByLabel;
-use super::user::{Clicks, RobotUser, mean_over_labels};
+use super::user::{Clicks, RobotUser, by_label, mean_over_labels};
 use super::{FrameByFrame, InteractOptions, InteractReport, Sequence};
 use crate::engine::job::Progress;
 use crate::masks::{LabelId, Segmenter};
@@ -51,11 +50,6 @@ pub fn frame_by_frame(
 
 /// Mean IoU over the sequence of which each user has labelled a frame.
 fn mean_iou(users: &BTreeMap<usize, RobotUser<'_>>) -> Result<f64> {
-    let mut all = IousByLabel::new();
-    for (&frame, user) in users {
-        for (label, iou) in user.ious(frame)? {
-            all.entry(label).or_default().insert(frame, iou);
-        }
-    }
-    Ok(mean_over_labels(all))
+    let ious = by_label(users.iter().map(|(&frame, user)| Ok((frame, user.ious(frame)?))))?;
+    Ok(mean_over_labels(ious))
 }

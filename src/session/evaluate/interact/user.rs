@@ -239,13 +239,7 @@ impl<'a> RobotUser<'a> {
 
     /// IoU of each label on each frame on which truth or result shows it.
     pub fn ious_by_label(&self) -> Result<IousByLabel> {
-        let mut all = IousByLabel::new();
-        for &frame in self.sequence.truth.keys() {
-            for (label, iou) in self.ious(frame)? {
-                all.entry(label).or_default().insert(frame, iou);
-            }
-        }
-        Ok(all)
+        by_label(self.sequence.truth.keys().map(|&frame| Ok((frame, self.ious(frame)?))))
     }
 
     /// Mean IoU over the sequence ([`mean_over_labels`]).
@@ -263,6 +257,18 @@ impl<'a> RobotUser<'a> {
     fn frame_iou(&self, frame: usize) -> Result<f64> {
         Ok(mean(self.ious(frame)?.into_values()))
     }
+}
+
+/// IoUs of the labels on frames, by label.
+pub(super) fn by_label(frames: impl Iterator<Item = Result<(usize, BTreeMap<LabelId, f64>)>>) -> Result<IousByLabel> {
+    let mut all = IousByLabel::new();
+    for of_frame in frames {
+        let (frame, ious) = of_frame?;
+        for (label, iou) in ious {
+            all.entry(label).or_default().insert(frame, iou);
+        }
+    }
+    Ok(all)
 }
 
 /// Mean over labels of the mean over the frames on which truth or result shows the label.
