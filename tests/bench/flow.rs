@@ -1,9 +1,11 @@
 //! J, F and frames per second of the flow tracker on `davis2016`, from the true mask of the first frame, or of every
-//! N-th, decoding included, with the peak memory of all clips.
+//! N-th, decoding included, with the peak memory of all clips. Beside them the tracker's own confidence, how far it lies from
+//! the frames' IoU, and how well it orders the frames (Spearman's rank correlation with the IoU).
 //!
 //! `cargo bench --bench flow [-- CLIP… [--every N] [--memory]]`; with `--memory` the tracker remembers by XFeat, added
 //! before by `ostra models add xfeat FILE`.
 
+use std::cmp::Ordering;
 use std::collections::BTreeSet;
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -33,16 +35,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let describer = describer.map(|cells| Arc::new(cells) as Arc<dyn Describer>);
     let tracker = FlowTracker { describer, ..FlowTracker::default() };
     let named: Vec<String> = words.into_iter().filter(|word| !word.starts_with("--")).collect();
-    let mut sums = [0.0; 3];
+    let mut sums = [0.0; 6];
     let mut count = 0.0;
     for clip in clips(&set)?.into_iter().filter(|clip| named.is_empty() || named.contains(clip)) {
-        let [j, f, fps] = tracked(&tracker, &set, &clip, every)?;
-        println!("{clip:16} J {j:.3}  F {f:.3}  {fps:.1} frames/s");
-        sums = [sums[0] + j, sums[1] + f, sums[2] + fps];
+        let figures = tracked(&tracker, &set, &clip, every)?;
+        println!("{}", line(&clip, figures));
+        sums.iter_mut().zip(figures).for_each(|(sum, figure)| *sum += figure);
         count += 1.0;
     }
-    let [j, f, fps] = sums.map(|sum| sum / f64::max(count, 1.0));
-    println!("mean             J {j:.3}  F {f:.3}  {fps:.1} frames/s");
+    println!("{}", line("mean", sums.map(|sum| sum / f64::max(count, 1.0))));
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     if let Some(peak) = status.lines().find(|line| line.starts_with("VmHWM")) {
         println!("{peak}");
@@ -59,8 +60,13 @@ fn clips(set: &Path) -> Result<Vec<String>, std::io::Error> {
     Ok(names)
 }
 
-/// Mean J, mean F over the frames without a given mask, and frames per second.
-fn tracked(tracker: &FlowTracker, set: &Path, clip: &str, every: usize) -> Result<[f64; 3], Box<dyn Error>> {
+fn line(name: &str, [j, f, fps, sure, off, order]: [f64; 6]) -> String {
+    format!("{name:16} J {j:.3}  F {f:.3}  {fps:4.1} frames/s  confidence {sure:.3}, off by {off:.3}, order {order:.2}")
+}
+
+/// Mean J, mean F over the frames without a given mask, frames per second; the mean confidence, its mean distance from the
+/// frames' IoU, and the rank correlation of the two.
+fn tracked(tracker: &FlowTracker, set: &Path, clip: &str, every: usize) -> Result<[f64; 6], Box<dyn Error>> {
     let source = FrameFolder { frames: set.join("JPEGImages").join(clip), depth: None };
     let frames = open(&OpenRequest { sources: vec![source], ..OpenRequest::default() }, &Progress::default())?.frames;
     let mut truths = Vec::new();
@@ -79,17 +85,47 @@ fn tracked(tracker: &FlowTracker, set: &Path, clip: &str, every: usize) -> Resul
         direction: Direction::Both,
         labels: None,
     };
-    let mut pairs = Vec::new();
+    let (mut pairs, mut sure, mut ious) = (Vec::new(), Vec::new(), Vec::new());
     let mut take = |tracked: TrackedFrame| {
         if tracked.preliminary {
             return;
         }
         let (name, truth) = (tracked.frame.to_string(), truths[tracked.frame].clone());
+        sure.push(tracked.confidence.get(&LabelId(1)).map_or(0.0, |&sure| f64::from(sure)));
+        ious.push(tracked.mask.region(LabelId(1)).iou(&truth.decode().region(LabelId(1))));
         pairs.push(FramePair { name, truth, result: RunMask::encode(&tracked.mask) });
     };
     let begun = Instant::now();
     tracker.track(&request, &mut take, &Progress::default())?;
     let fps = pairs.len() as f64 / begun.elapsed().as_secs_f64();
     let score = score_pairs(&pairs, &BTreeSet::from([LabelId(1)]), &Progress::default())?;
-    Ok([score.j, score.f, fps])
+    let off = mean(sure.iter().zip(&ious).map(|(sure, iou)| (sure - iou).abs()));
+    Ok([score.j, score.f, fps, mean(sure.iter().copied()), off, rank_correlation(&sure, &ious)])
+}
+
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len().max(1) as f64;
+    values.sum::<f64>() / count
+}
+
+/// Spearman's: 1 where both order the frames alike, −1 where one orders them the other way round, 0 of fewer than two.
+fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
+    let middle = (a.len() as f64 - 1.0) / 2.0;
+    let (a, b) = (ranks(a), ranks(b));
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - middle) * (b - middle)).sum::<f64>();
+    let spread = (product(&a, &a) * product(&b, &b)).sqrt();
+    if spread > 0.0 { product(&a, &b) / spread } else { 0.0 }
+}
+
+/// The place of each value in order, from 0 on; equal ones share their mean place.
+fn ranks(values: &[f64]) -> Vec<f64> {
+    let place = |value: &f64| {
+        let (less, equal) = values.iter().fold((0.0, 0.0), |(less, equal), other| match other.total_cmp(value) {
+            Ordering::Less => (less + 1.0, equal),
+            Ordering::Equal => (less, equal + 1.0),
+            Ordering::Greater => (less, equal),
+        });
+        less + (equal - 1.0) / 2.0
+    };
+    values.iter().map(place).collect()
 }

@@ -7,7 +7,7 @@ use ostra::app::Tool;
 use ostra::masks::{ElasticBorders, LabelId};
 use ostra::session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequest};
 
-use crate::desk::{Desk, click_at, drag, drag_fast, on_screen, press};
+use crate::desk::{Desk, click_at, drag, drag_fast, on_screen, press, tap};
 
 fn prompts(asked: &[Command]) -> Vec<&PromptRequest> {
     asked
@@ -108,6 +108,43 @@ fn the_brush_goes_the_whole_way_of_the_pointer_while_frames_are_slow() {
     for (at, [x, y]) in paint.points_px.iter().zip(corners) {
         assert!((at.x - f64::from(x)).abs() < 0.3 && (at.y - f64::from(y)).abs() < 0.3, "{:?}", paint.points_px);
     }
+}
+
+#[test]
+fn a_tap_of_the_brush_within_one_frame_makes_a_dab() {
+    let mut harness = Desk::sample().shown();
+    harness.state_mut().shell.view.tool = Tool::Brush;
+    let at = on_screen(&harness, 20.0, 10.0);
+    for button in [PointerButton::Primary, PointerButton::Secondary] {
+        tap(&mut harness, at, button);
+    }
+    let asked = paints(&harness.state().asked);
+    assert_eq!(asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(), [false, true]);
+    for paint in asked {
+        let [point] = paint.points_px[..] else { panic!("one place: {:?}", paint.points_px) };
+        assert!((point - glam::DVec2::new(20.0, 10.0)).length() < 0.3, "{point}");
+    }
+}
+
+#[test]
+fn escape_drops_a_stroke_in_hand_and_none_begins_before_the_next_press() {
+    let mut harness = Desk::sample().shown();
+    harness.state_mut().shell.view.tool = Tool::Brush;
+    let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 20.0));
+    harness.hover_at(from);
+    harness.drag_at(from);
+    harness.run_steps(1);
+    harness.hover_at(to);
+    harness.run_steps(2);
+    assert!(harness.state().shell.view.draft.stroke.is_some());
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    harness.hover_at(from);
+    harness.run_steps(1);
+    harness.drop_at(to);
+    harness.run_steps(2);
+    assert!(harness.state().asked.is_empty(), "{:?}", harness.state().asked);
+    drag(&mut harness, from, to, PointerButton::Primary);
+    assert_eq!(paints(&harness.state().asked).len(), 1);
 }
 
 #[test]

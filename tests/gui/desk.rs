@@ -194,6 +194,15 @@ pub fn drag_fast(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui:
     harness.run_steps(2);
 }
 
+/// Presses and lets go within one frame, as a touchpad does that is tapped.
+pub fn tap(harness: &mut Harness<'_, Desk>, at: Pos2, button: egui::PointerButton) {
+    let press = |pressed| egui::Event::PointerButton { pos: at, button, pressed, modifiers: egui::Modifiers::NONE };
+    harness.hover_at(at);
+    harness.run_steps(1);
+    harness.input_mut().events.extend([true, false].map(press));
+    harness.run_steps(2);
+}
+
 /// Presses a key as a keyboard does.
 pub fn press(harness: &mut Harness<'_, Desk>, modifiers: egui::Modifiers, key: egui::Key) {
     harness.key_press_modifiers(modifiers, key);

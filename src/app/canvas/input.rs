@@ -97,12 +97,17 @@ fn brush_tool(
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
-    let (primary, secondary, ctrl) =
-        ui.input(|i| (i.pointer.primary_down(), i.pointer.secondary_down(), i.modifiers.command));
-    let held = response.is_pointer_button_down_on() && (primary || secondary);
-    let places = trail(ui, &[PointerButton::Primary, PointerButton::Secondary]);
-    if held && view.draft.stroke.is_none() {
-        let erase = view.tool == Tool::Eraser || secondary || ctrl;
+    const BUTTONS: [PointerButton; 2] = [PointerButton::Primary, PointerButton::Secondary];
+    let (pressed, down, ctrl) = ui.input(|i| {
+        let down = BUTTONS.into_iter().any(|button| i.pointer.button_down(button));
+        (BUTTONS.map(|button| i.pointer.button_pressed(button)), down, i.modifiers.command)
+    });
+    let places = trail(ui, &BUTTONS);
+    // A tap may begin and end within one frame.
+    let is_tap = response.clicked() || response.secondary_clicked();
+    let is_here = response.is_pointer_button_down_on() || is_tap;
+    if pressed.contains(&true) && is_here && view.draft.stroke.is_none() {
+        let erase = view.tool == Tool::Eraser || pressed[1] || ctrl;
         let Some(label) = chosen_label(look, view, out) else { return };
         let (radius_px, snap) = (view.prefs.brush_px, view.prefs.snap);
         let begin = places.first().map(|&at| map.to_px(at)).or_else(|| position(response, map));
@@ -116,7 +121,7 @@ fn brush_tool(
             }
         }
     }
-    if !held && let Some(stroke) = view.draft.stroke.take() {
+    if !down && let Some(stroke) = view.draft.stroke.take() {
         paint(look, view, stroke, out);
     }
 }

@@ -10,6 +10,7 @@ mod clean;
 mod colors;
 mod dis;
 mod evidence;
+mod flows;
 mod gap;
 mod locate;
 mod memory;

@@ -1,5 +1,5 @@
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use super::memory::Describer;
 use super::picture::Picture;
@@ -18,31 +18,39 @@ pub(super) struct Pictures<'a> {
     request: &'a TrackRequest,
     progress: &'a Progress,
     describer: Option<&'a dyn Describer>,
+    /// Those that somebody may still hold, by frame.
+    made: BTreeMap<usize, Weak<Picture>>,
     unread: BTreeMap<usize, FrameError>,
 }
 
 impl<'a> Pictures<'a> {
     /// The pictures of this request's frames.
     pub fn new(request: &'a TrackRequest, describer: Option<&'a dyn Describer>, progress: &'a Progress) -> Self {
-        Self { request, progress, describer, unread: BTreeMap::new() }
+        Self { request, progress, describer, made: BTreeMap::new(), unread: BTreeMap::new() }
     }
 
-    /// A frame's picture; `None` where it cannot be read.
+    /// A frame's picture, the same one as long as somebody holds it; `None` where it cannot be read.
     pub fn load(&mut self, frame: usize, size: (usize, usize)) -> Result<Option<Arc<Picture>>, MaskError> {
         self.progress.check()?;
-        match self.request.store.image(&self.request.frames[frame]) {
-            Ok(image) => {
-                let picture = Picture::new(&image, size);
-                Ok(Some(Arc::new(match self.describer {
-                    Some(describer) => picture.described(describer)?,
-                    None => picture,
-                })))
-            }
+        let held = self.made.get(&frame).and_then(Weak::upgrade);
+        if let Some(picture) = held.filter(|picture| (picture.width, picture.height) == size) {
+            return Ok(Some(picture));
+        }
+        let image = match self.request.store.image(&self.request.frames[frame]) {
+            Ok(image) => image,
             Err(error) => {
                 self.unread.insert(frame, error);
-                Ok(None)
+                return Ok(None);
             }
-        }
+        };
+        let picture = Picture::new(&image, size);
+        let picture = Arc::new(match self.describer {
+            Some(describer) => picture.described(describer)?,
+            None => picture,
+        });
+        self.made.retain(|_, picture| picture.strong_count() > 0);
+        self.made.insert(frame, Arc::downgrade(&picture));
+        Ok(Some(picture))
     }
 
     /// The first of the frames that could not be read, as an error.

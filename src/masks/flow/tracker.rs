@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::dis::Finest;
+use super::flows::Flows;
 use super::gap::{Gap, gaps};
 use super::memory::Describer;
 use super::options::FlowOptions;
@@ -43,8 +44,17 @@ impl Tracker for FlowTracker {
         }
         let total = gaps.iter().map(Gap::steps).sum();
         let pictures = Pictures::new(request, self.describer.as_deref(), progress);
-        let mut run =
-            Run { options: &self.options, request, emit, progress, pictures, done: 0, total, answered: false };
+        let mut run = Run {
+            options: &self.options,
+            request,
+            emit,
+            progress,
+            pictures,
+            flows: Flows::default(),
+            done: 0,
+            total,
+            answered: false,
+        };
         gaps.iter().try_for_each(|gap| run.fill(gap))?;
         match (!run.answered).then(|| run.pictures.failure()).flatten() {
             Some(failure) => Err(failure),
@@ -59,11 +69,15 @@ struct Run<'a> {
     emit: &'a mut dyn FnMut(TrackedFrame),
     progress: &'a Progress,
     pictures: Pictures<'a>,
+    flows: Flows,
     done: usize,
     total: usize,
     /// Whether any frame was handed on.
     answered: bool,
 }
+
+/// Steps of the first walk that are kept for the second, 16 MB each at 854×480: all between anchors that are near each other.
+const KEPT_STEPS: usize = 8;
 
 /// How many times as near the second walk counts as being where two walks meet, since it has seen what the first found; weights
 /// go by the square.
@@ -95,11 +109,12 @@ impl Run<'_> {
         let Some(any) = gap.before.or(gap.after) else { return Ok(()) };
         let request = self.request;
         let of = &request.frames[any];
-        let (most_side, finest) = if gap.before.and(gap.after).is_some() {
-            (self.options.most_side_between, Finest::Full)
+        let (most_side, finest, kept_steps) = if gap.before.and(gap.after).is_some() {
+            (self.options.most_side_between, Finest::Full, KEPT_STEPS)
         } else {
-            (self.options.most_side, Finest::Half)
+            (self.options.most_side, Finest::Half, 0)
         };
+        self.flows = Flows::keeping(kept_steps);
         let size = working_size(of.width, of.height, most_side);
         let anchor_mask = |frame: usize| reduced_mask(&request.anchors[&frame], size);
         let mut kept: BTreeMap<usize, Kept> = BTreeMap::new();
@@ -145,19 +160,18 @@ impl Run<'_> {
         let (other, last) = if forwards { (gap.after, gap.to) } else { (gap.before, gap.from) };
         let Some((picture, mask)) = self.anchor(anchor, size)? else { return Ok(()) };
         let mut walk = Walk::new(self.options, &picture, &mask);
-        if let Some(other) = other
-            && let Some((picture, mask)) = self.anchor(other, size)?
-        {
-            walk.learn(&picture, &mask);
+        let far = other.map(|other| self.anchor(other, size)).transpose()?.flatten();
+        if let Some((picture, mask)) = &far {
+            walk.learn(picture, mask);
         }
         let beyond_last = if forwards { last.checked_add(1) } else { last.checked_sub(1) };
         let end = beyond_last.filter(|&frame| known(frame).is_some()).unwrap_or(last);
         let mut route = Route::new(anchor, end, size);
         let mut at = anchor;
-        let mut coming = change(&mut route, &mut self.pictures, &picture, finest)?;
+        let mut coming = change(&mut route, (&mut self.pictures, &mut self.flows), &picture, finest)?;
         // Who walks alone needs not see the frame after the next.
         let mut ahead = match coming.as_ref().filter(|_| other.is_some()) {
-            Some((_, step)) => change(&mut route, &mut self.pictures, &step.next, finest)?,
+            Some((_, step)) => change(&mut route, (&mut self.pictures, &mut self.flows), &step.next, finest)?,
             None => None,
         };
         while let Some((frame, step)) = coming.filter(|(frame, _)| frame.abs_diff(anchor) <= last.abs_diff(anchor)) {
@@ -165,10 +179,10 @@ impl Run<'_> {
                 Some(Beyond { change, mask: known(*next)?, share: gap.share_beyond(*next, at)? })
             });
             let farthest = Arc::clone(ahead.as_ref().map_or(&step.next, |(_, ahead)| &ahead.next));
-            let (pictures, progress) = (&mut self.pictures, self.progress);
+            let (sources, progress) = ((&mut self.pictures, &mut self.flows), self.progress);
             let (walked, after) = rayon::join(
                 || walk.advance(step, beyond.as_ref(), progress),
-                || change(&mut route, pictures, &farthest, finest),
+                || change(&mut route, sources, &farthest, finest),
             );
             found(self, frame, walked?);
             self.done += frame.abs_diff(std::mem::replace(&mut at, frame));
@@ -196,9 +210,9 @@ impl Run<'_> {
 /// The next frame of a route, and how pixels move to it.
 fn change(
     route: &mut Route,
-    pictures: &mut Pictures<'_>,
+    (pictures, flows): (&mut Pictures<'_>, &mut Flows),
     last: &Arc<Picture>,
     finest: Finest,
 ) -> Result<Option<(usize, Change)>, MaskError> {
-    Ok(route.next(pictures)?.map(|(frame, next)| (frame, Change::new(Arc::clone(last), next, finest))))
+    Ok(route.next(pictures)?.map(|(frame, next)| (frame, flows.change(last, &next, finest))))
 }

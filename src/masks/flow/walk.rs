@@ -20,12 +20,13 @@ const MOST_STEPS: usize = 1500;
 const AGREES_PX: f32 = 2.0;
 
 /// Two neighbouring frames and how pixels move between them.
+#[derive(Clone)]
 pub(super) struct Change {
     pub last: Arc<Picture>,
     pub next: Arc<Picture>,
     /// From the last frame to the next, and back.
-    pub forward: Flow,
-    pub backward: Flow,
+    pub forward: Arc<Flow>,
+    pub backward: Arc<Flow>,
     /// By pixel of the next frame: how well both flows agree, 0–1.
     pub reliable: Plane,
     /// How the background moves, from the next frame back to the last; `None` where it shows nowhere.
@@ -37,8 +38,18 @@ pub(super) struct Change {
 impl Change {
     /// Measures the flow both ways.
     pub fn new(last: Arc<Picture>, next: Arc<Picture>, finest: Finest) -> Self {
-        let flow = |from: &Picture, to: &Picture| flow_between(&from.pyramid, &to.pyramid, finest);
+        let flow = |from: &Picture, to: &Picture| Arc::new(flow_between(&from.pyramid, &to.pyramid, finest));
         let (forward, backward) = rayon::join(|| flow(&last, &next), || flow(&next, &last));
+        Self::of_flows((last, next), forward, backward)
+    }
+
+    /// Of the same two frames for who comes from the other side.
+    pub fn reversed(&self) -> Self {
+        let frames = (Arc::clone(&self.next), Arc::clone(&self.last));
+        Self::of_flows(frames, Arc::clone(&self.backward), Arc::clone(&self.forward))
+    }
+
+    fn of_flows((last, next): (Arc<Picture>, Arc<Picture>), forward: Arc<Flow>, backward: Arc<Flow>) -> Self {
         let reliable = Plane::from_fn(next.width, next.height, |x, y| {
             let vector = backward.at(x, y);
             let miss = (vector + forward.sample(Vec2::new(x as f32, y as f32) + vector)).length();

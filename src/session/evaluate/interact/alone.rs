@@ -24,21 +24,21 @@ pub fn frame_by_frame(
 ) -> Result<BTreeMap<usize, FrameByFrame>> {
     let of_frame =
         |frame: usize| RobotUser::new(sequence, segmenter, prepared, progress, options, 1 + frame as u64, usize::MAX);
-    let mut users: BTreeMap<usize, RobotUser<'_>> =
-        sequence.truth.keys().map(|&frame| (frame, of_frame(frame))).collect();
+    let mut users: Vec<(usize, RobotUser<'_>)> = sequence.truth.keys().map(|&frame| (frame, of_frame(frame))).collect();
     let first = Aim { price_beyond: f64::INFINITY, ..Aim::of(options) };
     let finer = successors(Some(Aim::of(options)), |aim| aim.lowered(options.least_price));
     progress.stage("click frame by frame")?;
     'rounds: for (round, aim) in once(first).chain(finer).enumerate() {
         let clicks = if round == 0 { Clicks::of(options) } else { Clicks::NONE };
-        for (done, frame) in sequence.truth.keys().copied().enumerate() {
+        for at in 0..users.len() {
             if round > 0 && mean_iou(&users)? >= InteractReport::GOALS[1] {
                 break 'rounds;
             }
-            progress.step(done, sequence.truth.len())?;
+            progress.step(at, users.len())?;
+            let (frame, user) = &mut users[at];
             let asked: BTreeMap<LabelId, Clicks> =
-                sequence.shown_on(frame).into_iter().map(|label| (label, clicks)).collect();
-            users.get_mut(&frame).map_or(Ok(false), |user| user.visit(frame, &asked, &aim))?;
+                sequence.shown_on(*frame).into_iter().map(|label| (label, clicks)).collect();
+            user.visit(*frame, &asked, &aim)?;
         }
     }
     let counted = users.into_iter().map(|(frame, user)| {
@@ -49,7 +49,7 @@ pub fn frame_by_frame(
 }
 
 /// Mean IoU over the sequence of which each user has labelled a frame.
-fn mean_iou(users: &BTreeMap<usize, RobotUser<'_>>) -> Result<f64> {
-    let ious = by_label(users.iter().map(|(&frame, user)| Ok((frame, user.ious(frame)?))))?;
+fn mean_iou(users: &[(usize, RobotUser<'_>)]) -> Result<f64> {
+    let ious = by_label(users.iter().map(|(frame, user)| Ok((*frame, user.ious(*frame)?))))?;
     Ok(mean_over_labels(ious))
 }
