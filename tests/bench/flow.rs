@@ -64,8 +64,8 @@ fn line(name: &str, [j, f, fps, sure, off, order]: [f64; 6]) -> String {
     format!("{name:16} J {j:.3}  F {f:.3}  {fps:4.1} frames/s  confidence {sure:.3}, off by {off:.3}, order {order:.2}")
 }
 
-/// Mean J, mean F over the frames without a given mask, frames per second; the mean confidence, its mean distance from the
-/// frames' IoU, and the rank correlation of the two.
+/// Mean J, mean F over the frames without a given mask, frames per second; the mean confidence (0 where the object is not
+/// found), its mean distance from the frames' IoU (1 where there is none to be found), and the rank correlation of the two.
 fn tracked(tracker: &FlowTracker, set: &Path, clip: &str, every: usize) -> Result<[f64; 6], Box<dyn Error>> {
     let source = FrameFolder { frames: set.join("JPEGImages").join(clip), depth: None };
     let frames = open(&OpenRequest { sources: vec![source], ..OpenRequest::default() }, &Progress::default())?.frames;
@@ -85,20 +85,21 @@ fn tracked(tracker: &FlowTracker, set: &Path, clip: &str, every: usize) -> Resul
         direction: Direction::Both,
         labels: None,
     };
-    let (mut pairs, mut sure, mut ious) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut pairs, mut sure) = (Vec::new(), Vec::new());
     let mut take = |tracked: TrackedFrame| {
         if tracked.preliminary {
             return;
         }
         let (name, truth) = (tracked.frame.to_string(), truths[tracked.frame].clone());
         sure.push(tracked.confidence.get(&LabelId(1)).map_or(0.0, |&sure| f64::from(sure)));
-        ious.push(tracked.mask.region(LabelId(1)).iou(&truth.decode().region(LabelId(1))));
         pairs.push(FramePair { name, truth, result: RunMask::encode(&tracked.mask) });
     };
     let begun = Instant::now();
     tracker.track(&request, &mut take, &Progress::default())?;
     let fps = pairs.len() as f64 / begun.elapsed().as_secs_f64();
     let score = score_pairs(&pairs, &BTreeSet::from([LabelId(1)]), &Progress::default())?;
+    let region = |mask: &RunMask| mask.decode().region(LabelId(1));
+    let ious: Vec<f64> = pairs.iter().map(|pair| region(&pair.truth).iou(&region(&pair.result))).collect();
     let off = mean(sure.iter().zip(&ious).map(|(sure, iou)| (sure - iou).abs()));
     Ok([score.j, score.f, fps, mean(sure.iter().copied()), off, rank_correlation(&sure, &ious)])
 }
@@ -108,7 +109,8 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / count
 }
 
-/// Spearman's: 1 where both order the frames alike, −1 where one orders them the other way round, 0 of fewer than two.
+/// Spearman's: 1 where both order the frames alike, −1 where one orders them the other way round, 0 where one of them gives no
+/// order.
 fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
     let middle = (a.len() as f64 - 1.0) / 2.0;
     let (a, b) = (ranks(a), ranks(b));

@@ -2,12 +2,12 @@
 
 use egui::{Key, Modifiers, PointerButton};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 use ostra::app::Tool;
 use ostra::masks::{ElasticBorders, LabelId};
 use ostra::session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequest};
 
-use crate::desk::{Desk, click_at, drag, drag_fast, on_screen, press, tap};
+use crate::desk::{Desk, click_at, drag, drag_fast, flick, on_screen, press};
 
 fn prompts(asked: &[Command]) -> Vec<&PromptRequest> {
     asked
@@ -116,7 +116,7 @@ fn a_tap_of_the_brush_within_one_frame_makes_a_dab() {
     harness.state_mut().shell.view.tool = Tool::Brush;
     let at = on_screen(&harness, 20.0, 10.0);
     for button in [PointerButton::Primary, PointerButton::Secondary] {
-        tap(&mut harness, at, button);
+        flick(&mut harness, &[at], button);
     }
     let asked = paints(&harness.state().asked);
     assert_eq!(asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(), [false, true]);
@@ -124,6 +124,38 @@ fn a_tap_of_the_brush_within_one_frame_makes_a_dab() {
         let [point] = paint.points_px[..] else { panic!("one place: {:?}", paint.points_px) };
         assert!((point - glam::DVec2::new(20.0, 10.0)).length() < 0.3, "{point}");
     }
+}
+
+#[test]
+fn a_stroke_ends_where_the_pointer_is_lost_and_the_next_press_begins_another() {
+    let mut harness = Desk::sample().shown();
+    harness.state_mut().shell.view.tool = Tool::Brush;
+    let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 20.0));
+    harness.hover_at(from);
+    harness.drag_at(from);
+    harness.run_steps(1);
+    harness.hover_at(to);
+    harness.run_steps(1);
+    harness.remove_cursor();
+    harness.run_steps(2);
+    assert_eq!(paints(&harness.state().asked).len(), 1, "nobody may tell that the button was let go");
+    harness.hover_at(from);
+    harness.run_steps(2);
+    assert!(harness.state().shell.view.draft.stroke.is_none());
+    drag(&mut harness, from, to, PointerButton::Secondary);
+    let asked = paints(&harness.state().asked);
+    assert_eq!(asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(), [false, true]);
+}
+
+#[test]
+fn a_flick_of_the_brush_within_one_frame_is_painted_whole() {
+    let mut harness = Desk::sample().shown();
+    harness.state_mut().shell.view.tool = Tool::Brush;
+    let places = [[10.0, 10.0], [20.0, 10.0], [30.0, 10.0]].map(|[x, y]| on_screen(&harness, x, y));
+    flick(&mut harness, &places, PointerButton::Primary);
+    let asked = paints(&harness.state().asked);
+    let [paint] = &asked[..] else { panic!("one stroke: {}", asked.len()) };
+    assert_eq!(paint.points_px.len(), places.len(), "{:?}", paint.points_px);
 }
 
 #[test]
@@ -368,4 +400,27 @@ fn middle_drag_moves_the_picture_and_asks_for_nothing() {
     drag(&mut harness, from, to, PointerButton::Middle);
     assert!(harness.state().asked.is_empty());
     assert!(harness.state().shell.view.zoom.scale.is_some());
+}
+
+#[test]
+fn rows_of_the_tool_bar_lie_close_together_at_any_width() {
+    /// A row and the space below it, and less than two rows.
+    const MOST_BETWEEN: f64 = 32.0;
+    let mut harness = Desk::sample().shown();
+    for width in (1000..1800).step_by(25) {
+        harness.set_size(egui::vec2(width as f32, 900.0));
+        harness.run_steps(3);
+        let first = harness.get_by_label("Thin").accesskit_node().bounding_box().unwrap();
+        let picture = harness.get_by_label("Picture 000.png").accesskit_node().bounding_box().unwrap();
+        let middle = |at: &egui::accesskit::Rect| (at.y0 + at.y1) / 2.0;
+        let is_control = |at: &egui::accesskit::Rect| {
+            let is_beside = at.x0 >= picture.x0 && at.x1 <= picture.x1;
+            is_beside && (first.y0..picture.y0).contains(&middle(at)) && at.height() < MOST_BETWEEN
+        };
+        let all = harness.root().children_recursive().filter_map(|node| node.accesskit_node().bounding_box());
+        let mut middles: Vec<f64> = all.filter(is_control).map(|at| middle(&at)).chain([picture.y0]).collect();
+        middles.sort_by(f64::total_cmp);
+        let widest = middles.windows(2).map(|two| two[1] - two[0]).fold(0.0, f64::max);
+        assert!(widest < MOST_BETWEEN, "rows at {middles:?} in a window {width} points wide");
+    }
 }

@@ -194,12 +194,15 @@ pub fn drag_fast(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui:
     harness.run_steps(2);
 }
 
-/// Presses and lets go within one frame, as a touchpad does that is tapped.
-pub fn tap(harness: &mut Harness<'_, Desk>, at: Pos2, button: egui::PointerButton) {
-    let press = |pressed| egui::Event::PointerButton { pos: at, button, pressed, modifiers: egui::Modifiers::NONE };
-    harness.hover_at(at);
+/// Presses at the first of some places, moves along them and lets go within one frame, as who taps a touchpad.
+pub fn flick(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui::PointerButton) {
+    let press = |pos, pressed| egui::Event::PointerButton { pos, button, pressed, modifiers: egui::Modifiers::NONE };
+    let (first, last) = (places[0], places[places.len() - 1]);
+    harness.hover_at(first);
     harness.run_steps(1);
-    harness.input_mut().events.extend([true, false].map(press));
+    let moved = places[1..].iter().map(|&at| egui::Event::PointerMoved(at));
+    let events = std::iter::once(press(first, true)).chain(moved).chain([press(last, false)]);
+    harness.input_mut().events.extend(events);
     harness.run_steps(2);
 }
 

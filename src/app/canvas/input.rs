@@ -98,21 +98,26 @@ fn brush_tool(
     out: &mut Vec<Command>,
 ) {
     const BUTTONS: [PointerButton; 2] = [PointerButton::Primary, PointerButton::Secondary];
-    let (pressed, down, ctrl) = ui.input(|i| {
+    let (pressed, is_over, ctrl) = ui.input(|i| {
         let down = BUTTONS.into_iter().any(|button| i.pointer.button_down(button));
-        (BUTTONS.map(|button| i.pointer.button_pressed(button)), down, i.modifiers.command)
+        let pressed = BUTTONS.map(|button| i.pointer.button_pressed(button));
+        let is_let_go = BUTTONS.into_iter().any(|button| i.pointer.button_released(button)) && pressed == [false; 2];
+        (pressed, is_let_go || !down || !i.pointer.has_pointer(), i.modifiers.command)
     });
     let places = trail(ui, &BUTTONS);
-    // A tap may begin and end within one frame.
-    let is_tap = response.clicked() || response.secondary_clicked();
-    let is_here = response.is_pointer_button_down_on() || is_tap;
-    if pressed.contains(&true) && is_here && view.draft.stroke.is_none() {
-        let erase = view.tool == Tool::Eraser || pressed[1] || ctrl;
-        let Some(label) = chosen_label(look, view, out) else { return };
-        let (radius_px, snap) = (view.prefs.brush_px, view.prefs.snap);
-        let begin = places.first().map(|&at| map.to_px(at)).or_else(|| position(response, map));
-        let points_px = Vec::from_iter(begin);
-        view.draft.stroke = Some(Stroke { frame: view.frame, label, erase, points_px, radius_px, snap });
+    if pressed.contains(&true) {
+        // One before may have ended within this frame, or where nobody was told.
+        end_stroke(look, view, out);
+        let is_tap = response.clicked() || response.secondary_clicked();
+        let is_swift = is_over && response.contains_pointer();
+        if response.is_pointer_button_down_on() || is_tap || is_swift {
+            let erase = view.tool == Tool::Eraser || pressed[1] || ctrl;
+            let Some(label) = chosen_label(look, view, out) else { return };
+            let (radius_px, snap) = (view.prefs.brush_px, view.prefs.snap);
+            let begin = places.first().map(|&at| map.to_px(at)).or_else(|| position(response, map));
+            let points_px = Vec::from_iter(begin);
+            view.draft.stroke = Some(Stroke { frame: view.frame, label, erase, points_px, radius_px, snap });
+        }
     }
     if let Some(stroke) = &mut view.draft.stroke {
         for at in places.into_iter().map(|at| map.to_px(at)) {
@@ -121,7 +126,13 @@ fn brush_tool(
             }
         }
     }
-    if !down && let Some(stroke) = view.draft.stroke.take() {
+    if is_over {
+        end_stroke(look, view, out);
+    }
+}
+
+fn end_stroke(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    if let Some(stroke) = view.draft.stroke.take() {
         paint(look, view, stroke, out);
     }
 }

@@ -1,4 +1,4 @@
-use egui::{Slider, Ui};
+use egui::{Checkbox, Slider, Ui};
 
 use super::draft::Tool;
 use crate::app::layers::layer_ui;
@@ -6,7 +6,7 @@ use crate::app::menu::is_possible;
 use crate::app::tips::{action_button, together};
 use crate::app::{Action, Look, ViewState};
 
-/// Tools, zoom and the look of the masks, in one row above the picture.
+/// Tools, zoom and the look of the masks, in rows above the picture.
 pub(super) fn toolbar_ui(
     ui: &mut Ui,
     look: &Look<'_>,
@@ -35,15 +35,13 @@ fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
         }
     }
     let brush = matches!(view.tool, Tool::Brush | Tool::Eraser);
-    ui.add_enabled_ui(brush, |ui| {
-        let size =
-            egui::DragValue::new(&mut view.prefs.brush_px).range(0.5..=500.0).speed(0.2).suffix(" px").max_decimals(1);
-        ui.add(size)
-            .on_hover_text("Radius of the brush (Shift+wheel over the picture)")
-            .accessible_name("Brush radius");
-        let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleSnap);
-        ui.checkbox(&mut view.prefs.snap, "Snap").on_hover_text(tip).accessible_name("Snap brush to edges");
-    });
+    let size =
+        egui::DragValue::new(&mut view.prefs.brush_px).range(0.5..=500.0).speed(0.2).suffix(" px").max_decimals(1);
+    let tip = "Radius of the brush (Shift+wheel over the picture)";
+    ui.add_enabled(brush, size).on_hover_text(tip).on_disabled_hover_text(tip).accessible_name("Brush radius");
+    let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleSnap);
+    let snap = Checkbox::new(&mut view.prefs.snap, "Snap");
+    ui.add_enabled(brush, snap).on_hover_text(&tip).on_disabled_hover_text(tip).accessible_name("Snap brush to edges");
 }
 
 /// Buttons that tidy the chosen label, with the size below which holes and islands go.
@@ -80,5 +78,5 @@ fn mask_look_ui(ui: &mut Ui, view: &mut ViewState) {
         ui.add_enabled(view.masks_shown, slider).on_hover_text("Opacity of the masks").accessible_name("Mask opacity");
     });
     let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleOutlines);
-    ui.add_enabled(view.masks_shown, egui::Checkbox::new(&mut view.prefs.outlines, "Outlines")).on_hover_text(tip);
+    ui.add_enabled(view.masks_shown, Checkbox::new(&mut view.prefs.outlines, "Outlines")).on_hover_text(tip);
 }

@@ -13,7 +13,7 @@ const BLOCK: usize = 16;
 /// The most unread frames that a warning names.
 const NAMED: usize = 5;
 
-/// The pictures of a request at one working size. Frames that cannot be read are noted and passed over.
+/// The pictures of a request, each at the size that is asked for. Frames that cannot be read are noted and passed over.
 pub(super) struct Pictures<'a> {
     request: &'a TrackRequest,
     progress: &'a Progress,

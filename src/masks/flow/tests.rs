@@ -10,6 +10,7 @@ use rand_pcg::Pcg32;
 
 use super::FlowTracker;
 use super::dis::{Finest, flow_between};
+use super::pictures::Pictures;
 use super::plane::Plane;
 use super::pyramid::Pyramid;
 use crate::engine::job::Progress;
@@ -283,4 +284,19 @@ fn a_range_is_kept_to_and_a_stop_keeps_what_is_done() {
     let stopped = FlowTracker::default().track(&film.request(&[0]), &mut take, &progress);
     assert!(matches!(stopped, Err(crate::masks::MaskError::Stopped(_))));
     assert_eq!(done, [1, 2, 3]);
+}
+
+#[test]
+fn a_picture_is_made_once_as_long_as_somebody_holds_it() {
+    let film = Film::new(2, &two_disks(), 0..0);
+    let (request, progress) = (film.request(&[0]), Progress::default());
+    let size = (film.frames[1].width as usize, film.frames[1].height as usize);
+    let mut pictures = Pictures::new(&request, None, &progress);
+    let held = pictures.load(1, size).unwrap().unwrap();
+    assert!(Arc::ptr_eq(&held, &pictures.load(1, size).unwrap().unwrap()));
+    let small = pictures.load(1, (size.0 / 2, size.1 / 2)).unwrap().unwrap();
+    assert_eq!((small.width, small.height), (size.0 / 2, size.1 / 2));
+    let watched = Arc::downgrade(&held);
+    drop(held);
+    assert!(watched.upgrade().is_none(), "who loads it holds it, nobody else");
 }

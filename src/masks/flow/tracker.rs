@@ -76,7 +76,7 @@ struct Run<'a> {
     answered: bool,
 }
 
-/// Steps of the first walk that are kept for the second, 16 MB each at 854×480: all between anchors that are near each other.
+/// Steps of the first walk that are kept for the second, 15 MB each at 854×480: all between anchors up to eight frames apart.
 const KEPT_STEPS: usize = 8;
 
 /// How many times as near the second walk counts as being where two walks meet, since it has seen what the first found; weights
@@ -129,6 +129,7 @@ impl Run<'_> {
                 }
             })?;
         }
+        self.flows.keep_no_more();
         if let Some(anchor) = gap.after {
             let known = |frame: usize| match gap.before {
                 Some(before) if before == frame => Some(anchor_mask(frame)),
@@ -168,10 +169,10 @@ impl Run<'_> {
         let end = beyond_last.filter(|&frame| known(frame).is_some()).unwrap_or(last);
         let mut route = Route::new(anchor, end, size);
         let mut at = anchor;
-        let mut coming = change(&mut route, (&mut self.pictures, &mut self.flows), &picture, finest)?;
+        let mut coming = change(&mut route, &mut self.pictures, &mut self.flows, &picture, finest)?;
         // Who walks alone needs not see the frame after the next.
         let mut ahead = match coming.as_ref().filter(|_| other.is_some()) {
-            Some((_, step)) => change(&mut route, (&mut self.pictures, &mut self.flows), &step.next, finest)?,
+            Some((_, step)) => change(&mut route, &mut self.pictures, &mut self.flows, &step.next, finest)?,
             None => None,
         };
         while let Some((frame, step)) = coming.filter(|(frame, _)| frame.abs_diff(anchor) <= last.abs_diff(anchor)) {
@@ -179,10 +180,10 @@ impl Run<'_> {
                 Some(Beyond { change, mask: known(*next)?, share: gap.share_beyond(*next, at)? })
             });
             let farthest = Arc::clone(ahead.as_ref().map_or(&step.next, |(_, ahead)| &ahead.next));
-            let (sources, progress) = ((&mut self.pictures, &mut self.flows), self.progress);
+            let (pictures, flows, progress) = (&mut self.pictures, &mut self.flows, self.progress);
             let (walked, after) = rayon::join(
                 || walk.advance(step, beyond.as_ref(), progress),
-                || change(&mut route, sources, &farthest, finest),
+                || change(&mut route, pictures, flows, &farthest, finest),
             );
             found(self, frame, walked?);
             self.done += frame.abs_diff(std::mem::replace(&mut at, frame));
@@ -210,7 +211,8 @@ impl Run<'_> {
 /// The next frame of a route, and how pixels move to it.
 fn change(
     route: &mut Route,
-    (pictures, flows): (&mut Pictures<'_>, &mut Flows),
+    pictures: &mut Pictures<'_>,
+    flows: &mut Flows,
     last: &Arc<Picture>,
     finest: Finest,
 ) -> Result<Option<(usize, Change)>, MaskError> {

@@ -20,7 +20,6 @@ const MOST_STEPS: usize = 1500;
 const AGREES_PX: f32 = 2.0;
 
 /// Two neighbouring frames and how pixels move between them.
-#[derive(Clone)]
 pub(super) struct Change {
     pub last: Arc<Picture>,
     pub next: Arc<Picture>,
@@ -43,13 +42,8 @@ impl Change {
         Self::of_flows((last, next), forward, backward)
     }
 
-    /// Of the same two frames for who comes from the other side.
-    pub fn reversed(&self) -> Self {
-        let frames = (Arc::clone(&self.next), Arc::clone(&self.last));
-        Self::of_flows(frames, Arc::clone(&self.backward), Arc::clone(&self.forward))
-    }
-
-    fn of_flows((last, next): (Arc<Picture>, Arc<Picture>), forward: Arc<Flow>, backward: Arc<Flow>) -> Self {
+    /// Of the flow from the last frame to the next, and back.
+    pub fn of_flows((last, next): (Arc<Picture>, Arc<Picture>), forward: Arc<Flow>, backward: Arc<Flow>) -> Self {
         let reliable = Plane::from_fn(next.width, next.height, |x, y| {
             let vector = backward.at(x, y);
             let miss = (vector + forward.sample(Vec2::new(x as f32, y as f32) + vector)).length();
