@@ -7,7 +7,7 @@ use ostra::app::Tool;
 use ostra::masks::{ElasticBorders, LabelId};
 use ostra::session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequest};
 
-use crate::desk::{Desk, click_at, drag, drag_fast, flick, on_screen, press};
+use crate::desk::{Desk, click_at, drag, drag_fast, flick, hold, on_screen, press};
 
 fn prompts(asked: &[Command]) -> Vec<&PromptRequest> {
     asked
@@ -21,6 +21,15 @@ fn paints(asked: &[Command]) -> Vec<&PaintRequest> {
         .iter()
         .filter_map(|command| if let Command::Paint(request) = command { Some(request) } else { None })
         .collect()
+}
+
+/// Presses Escape with the button held, moves on and lets go.
+fn escape_and_let_go(harness: &mut Harness<'_, Desk>, at: egui::Pos2) {
+    press(harness, Modifiers::NONE, Key::Escape);
+    harness.hover_at(at);
+    harness.run_steps(1);
+    harness.drop_at(at);
+    harness.run_steps(2);
 }
 
 #[test]
@@ -48,14 +57,8 @@ fn dragging_makes_a_box_and_escape_drops_it() {
     assert!((px_box.max_px - glam::DVec2::new(40.0, 30.0)).length() < 0.3, "{px_box:?}");
 
     harness.state_mut().asked.clear();
-    harness.hover_at(from);
-    harness.drag_at(from);
-    harness.run_steps(1);
-    harness.hover_at(to);
-    harness.run_steps(2);
-    press(&mut harness, Modifiers::NONE, Key::Escape);
-    harness.drop_at(to);
-    harness.run_steps(2);
+    hold(&mut harness, from, to);
+    escape_and_let_go(&mut harness, from);
     assert!(prompts(&harness.state().asked).is_empty());
 }
 
@@ -131,11 +134,7 @@ fn a_stroke_ends_where_the_pointer_is_lost_and_the_next_press_begins_another() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
     let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 20.0));
-    harness.hover_at(from);
-    harness.drag_at(from);
-    harness.run_steps(1);
-    harness.hover_at(to);
-    harness.run_steps(1);
+    hold(&mut harness, from, to);
     harness.remove_cursor();
     harness.run_steps(2);
     assert_eq!(paints(&harness.state().asked).len(), 1, "nobody may tell that the button was let go");
@@ -163,17 +162,9 @@ fn escape_drops_a_stroke_in_hand_and_none_begins_before_the_next_press() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
     let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 20.0));
-    harness.hover_at(from);
-    harness.drag_at(from);
-    harness.run_steps(1);
-    harness.hover_at(to);
-    harness.run_steps(2);
+    hold(&mut harness, from, to);
     assert!(harness.state().shell.view.draft.stroke.is_some());
-    press(&mut harness, Modifiers::NONE, Key::Escape);
-    harness.hover_at(from);
-    harness.run_steps(1);
-    harness.drop_at(to);
-    harness.run_steps(2);
+    escape_and_let_go(&mut harness, from);
     assert!(harness.state().asked.is_empty(), "{:?}", harness.state().asked);
     drag(&mut harness, from, to, PointerButton::Primary);
     assert_eq!(paints(&harness.state().asked).len(), 1);
@@ -241,17 +232,9 @@ fn escape_drops_a_lasso_in_hand() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::NONE, Key::G);
     let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 20.0));
-    harness.hover_at(from);
-    harness.drag_at(from);
-    harness.run_steps(1);
-    harness.hover_at(to);
-    harness.run_steps(2);
+    hold(&mut harness, from, to);
     assert!(harness.state().shell.view.draft.lasso.is_some());
-    press(&mut harness, Modifiers::NONE, Key::Escape);
-    harness.hover_at(from);
-    harness.run_steps(1);
-    harness.drop_at(to);
-    harness.run_steps(2);
+    escape_and_let_go(&mut harness, from);
     assert!(paints(&harness.state().asked).is_empty() && harness.state().shell.view.draft.corners.is_empty());
 }
 

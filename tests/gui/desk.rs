@@ -177,6 +177,15 @@ pub fn drag(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2, button: egui:
     harness.run_steps(2);
 }
 
+/// Drags from one place to another and does not let go.
+pub fn hold(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2) {
+    harness.hover_at(from);
+    harness.drag_at(from);
+    harness.run_steps(1);
+    harness.hover_at(to);
+    harness.run_steps(2);
+}
+
 /// Drags along some places that the mouse tells of within one frame, as while frames are slow, and lets go within another.
 pub fn drag_fast(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui::PointerButton) {
     let press = |pos, pressed| egui::Event::PointerButton { pos, button, pressed, modifiers: egui::Modifiers::NONE };
