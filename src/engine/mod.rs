@@ -2,6 +2,7 @@
 //!
 //! May use: std. Must not touch: any domain word.
 
+pub mod disk;
 pub mod gpu;
 pub mod job;
 pub mod nn;

@@ -5,20 +5,21 @@ use std::path::{Path, PathBuf};
 
 /// Room → rooms it may name. Sub-rooms with rules of their own stand before the room they lie in.
 const ROOMS: &[(&str, &[&str])] = &[
+    ("engine/disk", &[]),
     ("engine/job", &[]),
-    ("engine/nn", &[]),
+    ("engine/nn", &["engine::disk"]),
     ("engine/gpu", &[]),
     ("geometry", &[]),
-    ("frames", &["geometry", "engine::job"]),
-    ("masks/onnx", &["masks", "frames", "engine::job", "engine::nn"]),
-    ("masks", &["frames", "engine::job"]),
+    ("frames", &["geometry", "engine::disk", "engine::job"]),
+    ("masks/onnx", &["masks", "frames", "engine::disk", "engine::job", "engine::nn"]),
+    ("masks", &["frames", "engine::disk", "engine::job"]),
     ("scene/sfm/onnx", &["scene", "engine::nn"]),
     ("scene/stereo/gpu", &["scene", "engine::job", "engine::gpu"]),
-    ("scene", &["masks", "frames", "geometry", "engine::job"]),
-    ("session", &["scene", "masks", "frames", "geometry", "engine::job", "engine::nn", "engine::gpu"]),
-    ("view", &["scene", "masks", "frames", "geometry", "engine::gpu"]),
-    ("app", &["session", "view", "scene", "masks", "frames", "geometry"]),
-    ("cli", &["app", "session", "view", "scene", "masks", "frames", "geometry"]),
+    ("scene", &["masks", "frames", "geometry", "engine::disk", "engine::job"]),
+    ("session", &["scene", "masks", "frames", "geometry", "engine::disk", "engine::job", "engine::nn", "engine::gpu"]),
+    ("view", &["scene", "masks", "frames", "geometry", "engine::disk", "engine::gpu"]),
+    ("app", &["engine::disk", "session", "view", "scene", "masks", "frames", "geometry"]),
+    ("cli", &["engine::disk", "app", "session", "view", "scene", "masks", "frames", "geometry"]),
 ];
 
 /// Word → rooms that may say it.

@@ -29,6 +29,10 @@ mod crash;
 #[cfg(test)]
 mod doubt;
 #[cfg(test)]
+mod downloads;
+#[cfg(test)]
+mod export_safety;
+#[cfg(test)]
 mod exports;
 #[cfg(test)]
 mod films;
@@ -43,15 +47,23 @@ mod frames;
 #[cfg(test)]
 mod fuse;
 #[cfg(test)]
+mod image_inputs;
+#[cfg(test)]
+mod large_coordinates;
+#[cfg(test)]
 mod layouts;
 #[cfg(test)]
 mod long_films;
+#[cfg(test)]
+mod mask_inputs;
 #[cfg(test)]
 mod masks;
 #[cfg(test)]
 mod ranges;
 #[cfg(test)]
 mod rgbd;
+#[cfg(test)]
+mod scale;
 #[cfg(test)]
 mod segmenter;
 #[cfg(test)]
@@ -71,10 +83,16 @@ mod stereo;
 #[cfg(test)]
 mod stereo_made;
 #[cfg(test)]
+mod stopping;
+#[cfg(test)]
 mod suggestions;
 #[cfg(test)]
 mod thin;
 #[cfg(test)]
 mod traits;
+#[cfg(test)]
+mod untrusted_projects;
+#[cfg(test)]
+mod video_seeking;
 #[cfg(test)]
 mod words;

@@ -1,0 +1,1 @@
+//! Nothing unverified is installed or run.

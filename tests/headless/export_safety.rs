@@ -1,0 +1,1 @@
+//! Exports never replace sources, and other programs can read them.

@@ -1,0 +1,1 @@
+//! Projected coordinates keep millimetres.

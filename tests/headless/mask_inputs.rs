@@ -1,0 +1,1 @@
+//! Masks and labels as other programs write them.

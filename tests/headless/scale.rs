@@ -1,0 +1,1 @@
+//! Setting the scale changes every result together.

@@ -1,0 +1,1 @@
+//! The frame shown is the frame asked for, for every codec and container.
