@@ -1,7 +1,8 @@
 //! Labelled clouds and meshes in PLY files: our own form out, anybody's form in.
 //!
-//! Written: binary little-endian, `x y z nx ny nz` float, `red green blue` uchar, `label` ushort, `confidence` float;
-//! `comment label ID PARENT NAME` (PARENT 0 = none) and `comment color ID RRGGBB` for each label; a mesh's faces as the list `vertex_indices`.
+//! Written: binary little-endian, `x y z nx ny nz` float, `red green blue` uchar, `label` int (Open3D and MeshLab skip ushort), `confidence` float;
+//! `comment label ID PARENT NAME` (PARENT 0 = none) and `comment color ID RRGGBB` for each label, in ASCII: other characters of
+//! names are escaped as `\\u{HEX}`; a mesh's faces as the list `vertex_indices`. Files with a ushort `label` are still read.
 //!
 //! May use: masks, engine::job, ply-rs. Must not touch: frames, UI.
 

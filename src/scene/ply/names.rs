@@ -1,10 +1,13 @@
+use std::collections::{BTreeMap, BTreeSet};
+
 use crate::masks::{Label, LabelId, LabelTree};
 
-/// The comment lines that keep a label tree in a PLY header: `label ID PARENT NAME`, then `color ID RRGGBB`.
+/// The comment lines that keep a label tree in a PLY header: `label ID PARENT NAME`, then `color ID RRGGBB`. They are
+/// ASCII, which is all that PLY headers may hold (plyfile refuses anything else).
 pub(in crate::scene) fn comments_of(tree: &LabelTree) -> Vec<String> {
     let names = tree.iter().map(|label| {
         let parent = label.parent.map_or(0, |id| id.0);
-        format!("label {} {parent} {}", label.id.0, label.name)
+        format!("label {} {parent} {}", label.id.0, escaped(&label.name))
     });
     let colors = tree.iter().map(|label| {
         let [red, green, blue] = label.color;
@@ -15,10 +18,13 @@ pub(in crate::scene) fn comments_of(tree: &LabelTree) -> Vec<String> {
 
 /// The label tree kept in a header's comments; lines that are no label or colour are other people's and are left alone.
 ///
-/// A parent that is missing or makes a circle is dropped (the label comes to the top level); a name that is taken gets
-/// a stroke.
+/// A parent that is missing or makes a circle is dropped (the label comes to the top level); a name that is taken gets a
+/// number: `leaf (2)`.
 pub(super) fn tree_from_comments(comments: &[String]) -> LabelTree {
     let mut waiting: Vec<Label> = comments.iter().filter_map(|comment| label_from(comment)).collect();
+    let mut known = BTreeSet::new();
+    waiting.retain(|label| known.insert(label.id));
+    number_repeated_names(&mut waiting);
     let mut tree = LabelTree::default();
     while !waiting.is_empty() {
         let ready = |label: &Label| label.parent.is_none_or(|parent| tree.get(parent).is_some());
@@ -27,7 +33,10 @@ pub(super) fn tree_from_comments(comments: &[String]) -> LabelTree {
         if now.is_empty() {
             waiting.iter_mut().for_each(|label| label.parent = None);
         }
-        now.into_iter().for_each(|label| add(&mut tree, label));
+        for label in now {
+            // The invariants hold: parent present, name free, id new and not 0.
+            let _ = tree.set(label);
+        }
     }
     for (id, color) in comments.iter().filter_map(|comment| color_from(comment)) {
         recolor(&mut tree, id, color);
@@ -39,7 +48,7 @@ fn label_from(comment: &str) -> Option<Label> {
     let mut words = comment.strip_prefix("label ")?.splitn(3, ' ');
     let id = LabelId(words.next()?.parse().ok()?);
     let parent: u16 = words.next()?.parse().ok()?;
-    let name = words.next()?.trim().to_string();
+    let name = unescaped(words.next()?.trim());
     let known = id != LabelId::NONE && !name.is_empty();
     known.then(|| Label { id, name, color: LabelTree::color_for(id), parent: (parent != 0).then_some(LabelId(parent)) })
 }
@@ -52,19 +61,80 @@ fn color_from(comment: &str) -> Option<(LabelId, [u8; 3])> {
     Some((LabelId(id.parse().ok()?), [red, green, blue]))
 }
 
-fn add(tree: &mut LabelTree, mut label: Label) {
-    if tree.get(label.id).is_some() {
-        return;
+/// Gives each label whose name is taken by an earlier one a number. The next number of a name is remembered, so that
+/// thousands of equal names take no longer than different ones.
+fn number_repeated_names(labels: &mut [Label]) {
+    let mut taken: BTreeSet<String> = BTreeSet::new();
+    let mut next: BTreeMap<String, usize> = BTreeMap::new();
+    for label in labels {
+        let name = label.name.clone();
+        while !taken.insert(label.name.clone()) {
+            let number = next.entry(name.clone()).and_modify(|number| *number += 1).or_insert(2);
+            label.name = format!("{name} ({number})");
+        }
     }
-    while tree.by_name(&label.name).is_some() {
-        label.name.push('\'');
+}
+
+/// The name in printable ASCII: other characters as `\u{HEX}`, a backslash before `u{` doubled.
+pub(in crate::scene) fn escaped(name: &str) -> String {
+    let mut text = String::with_capacity(name.len());
+    for (at, c) in name.char_indices() {
+        match c {
+            '\\' if name[at + 1..].starts_with("u{") => text.push_str("\\u{5c}"),
+            ' '..='~' => text.push(c),
+            _ => text.extend(c.escape_unicode()),
+        }
     }
-    // The invariants hold: parent present, name free, id new and not 0.
-    let _ = tree.set(label);
+    text
+}
+
+/// Undoes [`escaped`]; what is no escape stays as it is.
+fn unescaped(text: &str) -> String {
+    let mut name = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(at) = rest.find("\\u{") {
+        name.push_str(&rest[..at]);
+        let inside = &rest[at + 3..];
+        let decoded = inside.find('}').and_then(|end| {
+            let value = u32::from_str_radix(inside.get(..end).filter(|hex| hex.len() <= 6)?, 16).ok()?;
+            Some((char::from_u32(value)?, end))
+        });
+        let (c, skipped) = decoded.map_or(('\\', at + 1), |(c, end)| (c, at + 3 + end + 1));
+        name.push(c);
+        rest = &rest[skipped..];
+    }
+    name.push_str(rest);
+    name
 }
 
 fn recolor(tree: &mut LabelTree, id: LabelId, color: [u8; 3]) {
     if let Some(label) = tree.get(id).cloned() {
         let _ = tree.set(Label { color, ..label });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_survive_as_ascii() {
+        for name in
+            ["leaf", "Stängel", "名前", "a\\b", "\\u{41}", "C:\\users{1}", "tab\tand é\u{202e}", "\\", "\\u{zz}"]
+        {
+            let text = escaped(name);
+            assert!(text.bytes().all(|byte| (b' '..=b'~').contains(&byte)), "{text}");
+            assert_eq!(unescaped(&text), name, "{text}");
+        }
+        // Files written before names were escaped.
+        assert_eq!(unescaped("Stängel \\u{ and \\x"), "Stängel \\u{ and \\x");
+    }
+
+    #[test]
+    fn thousands_of_equal_names_are_numbered() {
+        let comments: Vec<String> = (1..=2000).map(|id| format!("label {id} 0 a")).collect();
+        let tree = tree_from_comments(&comments);
+        assert_eq!(tree.iter().count(), 2000);
+        assert_eq!(tree.get(LabelId(2000)).unwrap().name, "a (2000)");
     }
 }

@@ -46,26 +46,43 @@ pub fn save_per_label(
     Ok(files.into_values().collect())
 }
 
+/// Longest part of a file name that a label's name gives, in bytes: file systems allow 255 for the whole name.
+const MAX_NAME_BYTES: usize = 120;
+
 /// Where the parts of a cloud or mesh go that is written to `path`, for each label that has points: `STEM_NAME.ENDING`.
+///
+/// A name that another label of the tree takes already, if only in another case, or that is the twin's, gets the label's
+/// number.
 #[must_use]
 pub fn label_paths(path: &Path, cloud: &LabelledCloud) -> BTreeMap<LabelId, PathBuf> {
-    let ids: BTreeSet<LabelId> = cloud.labels.iter().copied().collect();
-    let mut paths: BTreeMap<LabelId, PathBuf> = BTreeMap::new();
-    for id in ids {
-        let name = file_part(&label_name(&cloud.tree, id));
-        let mut file = beside(path, &name);
-        if paths.values().any(|taken| *taken == file) {
-            file = beside(path, &format!("{name}_{}", id.0));
+    let present: BTreeSet<LabelId> = cloud.labels.iter().copied().collect();
+    let all: BTreeSet<LabelId> = present.iter().copied().chain(cloud.tree.iter().map(|label| label.id)).collect();
+    let mut taken = BTreeSet::from([TWIN.to_owned()]);
+    let mut paths = BTreeMap::new();
+    for id in all {
+        let mut name = shortened(&file_part(&label_name(&cloud.tree, id)));
+        while !taken.insert(name.to_lowercase()) {
+            name = format!("{name}_{}", id.0);
         }
-        paths.insert(id, file);
+        if present.contains(&id) {
+            paths.insert(id, beside(path, &name));
+        }
     }
     paths
 }
 
+fn shortened(name: &str) -> String {
+    let end = name.char_indices().map(|(at, c)| at + c.len_utf8()).take_while(|&end| end <= MAX_NAME_BYTES).last();
+    name[..end.unwrap_or(0)].to_owned()
+}
+
+/// What the name of the twin in label colours ends in.
+const TWIN: &str = "labels";
+
 /// Where the twin of a cloud in label colours goes: `STEM_labels.ENDING` beside it.
 #[must_use]
 pub fn twin_path(path: &Path) -> PathBuf {
-    beside(path, "labels")
+    beside(path, TWIN)
 }
 
 fn beside(path: &Path, suffix: &str) -> PathBuf {
@@ -86,4 +103,34 @@ pub(in crate::scene) fn label_name(tree: &LabelTree, id: LabelId) -> String {
 /// A label's name with everything that a file name cannot hold on some system replaced.
 pub(in crate::scene) fn file_part(name: &str) -> String {
     name.chars().map(|c| if c.is_alphanumeric() || matches!(c, '-' | '_') { c } else { '_' }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::masks::Label;
+
+    #[test]
+    fn no_two_files_of_an_export_have_one_name() {
+        let long = "x".repeat(300);
+        let names = ["labels", "Leaf", "leaf", "a/b", "a b", &long, &format!("{long}y"), "unlabelled", "leaf_2"];
+        let mut cloud = LabelledCloud::from_positions(vec![glam::Vec3::ZERO; names.len() + 1]);
+        for (at, name) in names.into_iter().enumerate() {
+            let id = LabelId(at as u16 + 1);
+            cloud.labels[at] = id;
+            cloud.tree.set(Label { id, name: name.into(), color: [1; 3], parent: None }).unwrap();
+        }
+        let path = Path::new("/out/c.ply");
+        let mut files: Vec<PathBuf> = label_paths(path, &cloud).into_values().chain([twin_path(path)]).collect();
+        let count = files.len();
+        assert_eq!(count, names.len() + 2);
+        files.sort_by_key(|file| file.to_string_lossy().to_lowercase());
+        files.dedup_by_key(|file| file.to_string_lossy().to_lowercase());
+        assert_eq!(files.len(), count, "{files:?}");
+        assert!(files.iter().all(|file| file.file_name().unwrap().len() <= 255));
+        // The names do not depend on which labels have points.
+        let whole = label_paths(path, &cloud);
+        let some = label_paths(path, &cloud.select(&[2, 6]));
+        assert!(some.iter().all(|(id, file)| whole[id] == *file));
+    }
 }

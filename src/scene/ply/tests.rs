@@ -37,17 +37,17 @@ fn sample() -> LabelledCloud {
 #[test]
 fn exact_bytes_of_our_form() {
     let bytes = written(&sample());
-    let header = "ply\nformat binary_little_endian 1.0\ncomment label 3 7 feuille été\ncomment label 7 0 the plant\n\
+    let header = "ply\nformat binary_little_endian 1.0\ncomment label 3 7 feuille \\u{e9}t\\u{e9}\ncomment label 7 0 the plant\n\
                   comment color 3 abcdef\ncomment color 7 0102ff\nelement vertex 2\nproperty float x\nproperty float y\n\
                   property float z\nproperty float nx\nproperty float ny\nproperty float nz\nproperty uchar red\n\
-                  property uchar green\nproperty uchar blue\nproperty ushort label\nproperty float confidence\nend_header\n";
+                  property uchar green\nproperty uchar blue\nproperty int label\nproperty float confidence\nend_header\n";
     assert_eq!(String::from_utf8_lossy(&bytes[..header.len()]), header);
-    let record = &bytes[header.len()..][..33];
+    let record = &bytes[header.len()..][..35];
     assert_eq!(record[..4], 1.0f32.to_le_bytes());
     assert_eq!(record[24..27], [10, 20, 30]);
-    assert_eq!(record[27..29], [3, 0]);
-    assert_eq!(record[29..], 0.75f32.to_le_bytes());
-    assert_eq!(bytes.len(), header.len() + 66);
+    assert_eq!(record[27..31], [3, 0, 0, 0]);
+    assert_eq!(record[31..], 0.75f32.to_le_bytes());
+    assert_eq!(bytes.len(), header.len() + 70);
 }
 
 #[test]
@@ -169,7 +169,7 @@ fn damaged_label_comments_make_a_tree_all_the_same() {
                 property float x\nproperty float y\nproperty float z\nend_header\n";
     let tree = read(text.as_bytes()).unwrap().cloud.tree;
     let names: Vec<_> = tree.iter().map(|label| (label.id.0, label.name.as_str())).collect();
-    assert_eq!(names, [(1, "a'"), (2, "b"), (3, "c"), (4, "a")]);
+    assert_eq!(names, [(1, "a"), (2, "b"), (3, "c"), (4, "a (2)")]);
     assert_eq!(tree.get(LabelId(2)).unwrap().color, [1, 2, 3]);
 }
 

@@ -122,7 +122,7 @@ fn header(cloud: &LabelledCloud, triangles: Option<&[[u32; 3]]>) -> Header {
     let columns = [
         (ScalarType::Float, &["x", "y", "z", "nx", "ny", "nz"][..]),
         (ScalarType::UChar, &["red", "green", "blue"]),
-        (ScalarType::UShort, &["label"]),
+        (ScalarType::Int, &["label"]),
         (ScalarType::Float, &["confidence"]),
     ];
     for (scalar, names) in columns {
@@ -181,7 +181,7 @@ impl PropertyAccess for Point {
         })
     }
 
-    fn get_ushort(&self, name: &str) -> Option<u16> {
-        (name == "label").then_some(self.label)
+    fn get_int(&self, name: &str) -> Option<i32> {
+        (name == "label").then_some(i32::from(self.label))
     }
 }
