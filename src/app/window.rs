@@ -8,7 +8,9 @@ use egui::{Context, ViewportBuilder, ViewportCommand};
 use super::dialogs::{NewProjectForm, PictureWish, Take};
 use super::theme::set_theme;
 use super::{Dialog, Layers, Look, Prefs, Severity, Shell, layers_of};
+use crate::engine::disk;
 use crate::frames::{FilmOptions, Frame};
+use crate::session::export_targets::ExportTargets;
 use crate::session::{
     Command, Engine, Estimate, Event, Pictures, Project, Provider, Recent, Row, Session, engines, list_models,
 };
@@ -252,25 +254,30 @@ impl Window {
     /// Draws a picture or film of the 3-D view in the background.
     fn portray(&mut self, wish: &PictureWish, portrait: Portrait) {
         let size = wish.size;
-        match wish.take {
+        let started = match wish.take {
             Take::Still { transparent } => {
                 let write =
                     move |path: &Path| Ok(write_png(path, &portrait.draw(size, 0.0, transparent), transparent)?);
-                self.session.write_picture(&wish.path, write);
+                self.session.write_picture(&wish.path, write)
             }
             Take::Turntable { count, fps } => {
                 let options = FilmOptions { size, count, fps: f64::from(fps) };
-                self.session.write_film(&wish.path, options, move |number| {
+                self.session.write_film(&wish.path, options, false, move |number| {
                     portrait.draw(size, TAU * number as f32 / count as f32, false).image
-                });
+                })
             }
+        };
+        if let Err(error) = started {
+            self.fail(format!("{error:#}"));
         }
     }
 
     fn save_recipe(&mut self, path: &Path) {
-        let written = serde_json::to_string_pretty(self.session.recipe())
-            .map_err(anyhow::Error::from)
-            .and_then(|text| Ok(std::fs::write(path, text)?));
+        let allowed = self.session.check_export(path, false);
+        let written = allowed
+            .and_then(|()| Ok(serde_json::to_string_pretty(self.session.recipe())?))
+            .and_then(|text| Ok(disk::write(path, text.as_bytes())?))
+            .and_then(|()| ExportTargets::note_files([path]));
         match written {
             Ok(()) => self.shell.view.note = format!("Recipe written to {}", path.display()),
             Err(error) => {

@@ -423,6 +423,9 @@ pub(super) struct ShotArgs {
     /// Pictures a second of the film.
     #[arg(long, default_value_t = 25, requires = "turntable", value_parser = clap::value_parser!(u32).range(1..=120))]
     pub fps: u32,
+    /// Replace earlier exports that were changed since; sources and files that OSTRA did not write are never replaced.
+    #[arg(long)]
+    pub overwrite: bool,
 }
 
 #[derive(Debug, Args)]

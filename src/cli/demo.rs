@@ -7,7 +7,7 @@ use super::drive::ProgressLines;
 use super::print::say;
 use crate::scene::synthetic::{SceneKind, SceneOptions, SensorNoise};
 use crate::session::Session;
-use crate::session::demo::{DemoMethod, DemoOptions, run_demo};
+use crate::session::demo::{DemoMethod, DemoOptions, finish, run_demo};
 use crate::view::{Appearance, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png};
 
 pub(super) fn demo(args: &DemoArgs) -> Result<()> {
@@ -32,6 +32,7 @@ pub(super) fn demo(args: &DemoArgs) -> Result<()> {
     session.save()?;
     draw(&session, args)?;
     drop(session);
+    finish(&args.out)?;
     say(&report.table());
     say(&format!(
         "\nresults in {}: cloud.ply, mesh.ply, shot.png, report.json, truth/, project/\n",

@@ -3,7 +3,7 @@ use serde_json::json;
 
 use super::args::DoubtArgs;
 use super::drive::Driver;
-use super::print::say;
+use super::print::{say, say_json};
 use super::project::label_id;
 use crate::masks::LabelId;
 use crate::scene::doubt::FrameDoubt;
@@ -28,7 +28,7 @@ pub(super) fn doubt(args: &DoubtArgs) -> Result<()> {
             json!({ "frame": frame, "name": frames[frame].name, "share": doubt.share(), "against": doubt.against,
                 "compared": doubt.compared })
         };
-        say(&format!("{}\n", json!({ "frames": ranked.into_iter().map(row).collect::<Vec<_>>() })));
+        say_json(&json!({ "frames": ranked.into_iter().map(row).collect::<Vec<_>>() }));
         return Ok(());
     }
     say("contradicted   of pixels  frame\n");

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 
-use super::print::say;
+use super::print::{printable, say, warn};
 use crate::frames::{FilmOptions, Image};
 use crate::scene::doubt::FrameDoubt;
 use crate::scene::fuse::Votes;
@@ -105,14 +105,20 @@ impl Driver {
         self.session.suggestions()
     }
 
-    /// Writes a film, picture by picture.
+    /// Refuses a file that an export must not replace.
+    pub(super) fn check_export(&self, file: &Path, overwrite: bool) -> Result<()> {
+        self.session.check_export(file, overwrite)
+    }
+
+    /// Writes a video, image by image.
     pub(super) fn write_film(
         &mut self,
         path: &Path,
         options: FilmOptions,
+        overwrite: bool,
         draw: impl Fn(usize) -> Image + Send + 'static,
     ) -> Result<()> {
-        self.session.write_film(path, options, draw);
+        self.session.write_film(path, options, overwrite, draw)?;
         self.settle()
     }
 
@@ -129,7 +135,7 @@ fn report(events: Vec<Event>) -> Result<()> {
     let mut outcome = Ok(());
     for event in events {
         match event {
-            Event::Warning(text) => eprintln!("warning: {text}"),
+            Event::Warning(text) => warn(&text),
             Event::Paused { text, .. } if outcome.is_ok() => outcome = Err(anyhow!(text)),
             Event::Notice(text) => say(&format!("{text}\n")),
             Event::Failed { error, .. } if outcome.is_ok() => outcome = Err(anyhow!(error)),
@@ -169,6 +175,7 @@ impl ProgressLines {
             0 => format!("{stage} …"),
             total => format!("{stage} {}/{total}", report.done),
         };
+        let text = printable(&text);
         let terminal = std::io::stderr().is_terminal();
         let pause = if terminal { Duration::from_millis(90) } else { Duration::from_secs(5) };
         let due = self.shown.as_ref().map_or(job.elapsed >= pause, |(last, at)| *last != text && at.elapsed() >= pause);

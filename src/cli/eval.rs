@@ -3,7 +3,7 @@ use serde::Serialize;
 
 use super::drive::{Interrupted, ProgressLines};
 use super::eval_args::{Align, EvalArgs, EvalVerb, InteractArgs};
-use super::print::say;
+use super::print::{say, say_json, warn};
 use crate::geometry::Alignment;
 use crate::session::evaluate::{
     CameraScore, CloudEvaluation, InteractOptions, InteractReport, InteractRequest, MaskScore, ScoreOptions,
@@ -32,7 +32,7 @@ fn masks(args: &EvalArgs) -> Result<()> {
     )?;
     let options = ScoreOptions { skip_first: args.skip_first, level: args.level };
     let score = evaluate_masks(&args.truth, &args.result, &options)?;
-    warn(&score.warnings);
+    warn_all(&score.warnings);
     print(args.json, &score, &mask_table(&score))
 }
 
@@ -46,7 +46,7 @@ fn cloud(args: EvalArgs) -> Result<()> {
     let views = cameras.map(|(cameras, min_views)| TruthViews { cameras, min_views, frames: args.frames });
     let evaluation = CloudEvaluation { within: args.within, level: args.level, views };
     let (score, warnings) = evaluate_cloud(&args.truth, &args.result, &evaluation)?;
-    warn(&warnings);
+    warn_all(&warnings);
     print(args.json, &score, &cloud_table(&score))
 }
 
@@ -86,7 +86,7 @@ fn interact(args: InteractArgs) -> Result<()> {
     });
     lines.end();
     let (report, warnings) = outcome.map_err(|error| if stopped { Interrupted.into() } else { error })?;
-    warn(&warnings);
+    warn_all(&warnings);
     print(json, &report, &interact_table(&report))
 }
 
@@ -100,15 +100,13 @@ fn refuse(args: &EvalArgs, given: &[(&str, bool)]) -> Result<()> {
     }
 }
 
-fn warn(warnings: &[String]) {
-    for text in warnings {
-        eprintln!("warning: {text}");
-    }
+fn warn_all(warnings: &[String]) {
+    warnings.iter().for_each(|text| warn(text));
 }
 
 fn print(json: bool, score: &impl Serialize, table: &str) -> Result<()> {
     if json {
-        say(&format!("{}\n", serde_json::to_string(score)?));
+        say_json(&serde_json::to_string(score)?);
     } else {
         say(table);
     }

@@ -69,6 +69,9 @@ pub(super) struct ExportArgs {
     /// Keep this share of the mesh's triangles; borders of labels stay.
     #[arg(long, value_name = "SHARE", requires = "mesh", value_parser = values::part)]
     pub simplify: Option<f64>,
+    /// Replace earlier exports that were changed since; sources and files that OSTRA did not write are never replaced.
+    #[arg(long)]
+    pub overwrite: bool,
 }
 
 pub(super) fn export(args: ExportArgs) -> Result<()> {
@@ -94,12 +97,14 @@ pub(super) fn export(args: ExportArgs) -> Result<()> {
         twin: args.twin,
         per_label: args.per_label,
         simplify: args.simplify,
+        overwrite: args.overwrite,
     };
     if request
         == (ExportRequest {
             level: request.level,
             twin: request.twin,
             per_label: request.per_label,
+            overwrite: request.overwrite,
             ..Default::default()
         })
     {

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::args::InfoArgs;
 use super::drive::Driver;
-use super::print::say;
+use super::print::{say, say_json};
 use crate::frames::Frame;
 use crate::session::{MaskOrigin, Project, ResultKind};
 
@@ -13,7 +13,7 @@ pub(super) fn info(args: &InfoArgs) -> Result<()> {
     let driver = Driver::open(&args.project)?;
     let project = driver.project()?;
     if args.json {
-        say(&format!("{}\n", as_json(project)));
+        say_json(&as_json(project));
     } else {
         say(&as_text(project));
     }

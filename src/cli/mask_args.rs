@@ -104,4 +104,7 @@ pub(super) struct MasksArgs {
     /// davis, binary, coco or yolo.
     #[arg(long, default_value = "davis", value_parser = ["davis", "binary", "coco", "yolo"])]
     pub format: String,
+    /// Export: replace earlier exports that were changed since; sources and files that OSTRA did not write are never replaced.
+    #[arg(long)]
+    pub overwrite: bool,
 }

@@ -45,10 +45,10 @@ pub(super) fn ground(args: &GroundArgs) -> Result<()> {
 }
 
 pub(super) fn masks(args: MasksArgs) -> Result<()> {
-    let (dir, format) = (args.dir, args.format);
+    let (dir, format, overwrite) = (args.dir, args.format, args.overwrite);
     let command = match args.verb {
         MasksVerb::Import => Command::ImportMasks { dir, format },
-        MasksVerb::Export => Command::ExportMasks { dir, format },
+        MasksVerb::Export => Command::ExportMasks { dir, format, overwrite },
     };
     Driver::open(&args.project)?.act_and_save([command])
 }

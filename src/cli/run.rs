@@ -6,7 +6,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches};
 
 use super::args::{Cli, Verb};
 use super::drive::{Driver, Interrupted};
-use super::print::say;
+use super::print::{finish, one_line, say};
 use super::{demo, doubt, eval, export, info, instances, masks, models, project, range, shot, sources};
 use crate::session::{Command, Provider, Recipe};
 
@@ -18,10 +18,12 @@ pub fn main() -> ExitCode {
         Ok(cli) => run(cli, &matches),
         Err(error) => error.exit(),
     };
+    let outcome =
+        outcome.and_then(|()| finish().context("standard output cannot be written; check the disk's free space"));
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("ostra: {}", format!("{error:#}").replace('\n', " "));
+            eprintln!("ostra: {}", one_line(&format!("{error:#}")));
             ExitCode::from(if error.is::<Interrupted>() { 130 } else { 1 })
         }
     }

@@ -7,10 +7,14 @@ use super::args::{ShotArgs, ShotColor, ShotModel};
 use super::drive::Driver;
 use crate::frames::FilmOptions;
 use crate::scene::{LabelledMesh, voxel_faces, voxelize};
+use crate::session::export_targets::ExportTargets;
 use crate::view::{Appearance, Axes, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png};
 
 pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     let mut driver = Driver::open(&args.project)?;
+    for file in std::iter::once(&args.out).chain(&args.turntable) {
+        driver.check_export(file, args.overwrite)?;
+    }
     let model = model(args, &mut driver)?;
     let style = style(args, &driver)?;
     let (width, height) = args.size;
@@ -19,6 +23,7 @@ pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     let portrait = Portrait::new(model, orbit, style, height);
     write_png(&args.out, &portrait.draw(args.size, 0.0, args.transparent), args.transparent)
         .with_context(|| format!("{}: no picture was written", args.out.display()))?;
+    ExportTargets::note_files([args.out.as_path()])?;
     turntable(args, &mut driver, portrait)
 }
 
@@ -27,7 +32,7 @@ fn turntable(args: &ShotArgs, driver: &mut Driver, portrait: Portrait) -> Result
     let fps = f64::from(args.fps);
     let count = (args.seconds * fps).round().max(1.0) as usize;
     let size = args.size;
-    driver.write_film(path, FilmOptions { size, count, fps }, move |number| {
+    driver.write_film(path, FilmOptions { size, count, fps }, args.overwrite, move |number| {
         portrait.draw(size, TAU * number as f32 / count as f32, false).image
     })
 }

@@ -47,7 +47,7 @@ impl Session {
             Command::ClearMask { frame } => self.clear_mask(*frame).map(|()| None),
             Command::Range(request) => self.change_range(request),
             Command::ImportMasks { dir, format } => self.import_masks(dir, format).map(Some),
-            Command::ExportMasks { dir, format } => self.export_masks(dir, format).map(Some),
+            Command::ExportMasks { dir, format, overwrite } => self.export_masks(dir, format, *overwrite).map(Some),
             Command::Track(settings) => self.track(settings).map(Some),
             Command::Suggest => self.suggest().map(Some),
             Command::Propose { frame, segmenter } => self.propose(*frame, segmenter).map(Some),

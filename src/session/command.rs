@@ -103,6 +103,9 @@ pub enum Command {
         dir: PathBuf,
         /// `davis`, `binary`, `coco` or `yolo`.
         format: String,
+        /// Replace files of an earlier export that were changed since.
+        #[serde(default)]
+        overwrite: bool,
     },
     /// Carries anchors' masks through the sequence.
     Track(TrackSettings),

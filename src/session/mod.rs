@@ -21,6 +21,7 @@ mod engines;
 mod estimate;
 pub mod evaluate;
 mod event;
+pub mod export_targets;
 mod following;
 mod grounding;
 mod growing;

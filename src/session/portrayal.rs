@@ -1,40 +1,66 @@
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::Result;
 
+use super::export_targets::ExportTargets;
 use super::jobs::{Kind, Landing};
 use super::{Event, JobId, Session};
 use crate::frames::{FilmOptions, Image, write_film};
 
 impl Session {
-    /// Writes a picture by `write` on a worker thread.
-    pub fn write_picture(&mut self, path: &Path, write: impl FnOnce(&Path) -> Result<()> + Send + 'static) -> JobId {
+    /// Refuses a file that an export must not replace: a source, a file inside a project, a file that OSTRA did not write.
+    ///
+    /// # Errors
+    /// One line: which file, why, and what to do.
+    pub fn check_export(&self, file: &Path, overwrite: bool) -> Result<()> {
+        let project = self.project().map(Arc::clone).unwrap_or_default();
+        ExportTargets::of(&project, self.root(), overwrite).check_files([file])
+    }
+
+    /// Writes an image by `write` on a worker thread.
+    ///
+    /// # Errors
+    /// As [`Self::check_export`].
+    pub fn write_picture(
+        &mut self,
+        path: &Path,
+        write: impl FnOnce(&Path) -> Result<()> + Send + 'static,
+    ) -> Result<JobId> {
+        self.check_export(path, false)?;
         let path = path.to_owned();
-        self.start("Write picture", Kind::Short, move |link| {
+        Ok(self.start("Write picture", Kind::Short, move |link| {
             link.progress.stage("draw")?;
             write(&path)?;
+            ExportTargets::note_files([path.as_path()])?;
             Ok(Box::new(move |session: &mut Self| {
                 session.events.push(Event::Notice(format!("picture written to {}", path.display())));
                 Ok(())
             }) as Landing)
-        })
+        }))
     }
 
-    /// Writes a film whose pictures `draw` makes, by their number, on a worker thread.
+    /// Writes a video whose images `draw` makes, by their number, on a worker thread.
+    ///
+    /// # Errors
+    /// As [`Self::check_export`].
     pub fn write_film(
         &mut self,
         path: &Path,
         options: FilmOptions,
+        overwrite: bool,
         draw: impl Fn(usize) -> Image + Send + 'static,
-    ) -> JobId {
+    ) -> Result<JobId> {
+        self.check_export(path, overwrite)?;
         let path = path.to_owned();
-        self.start("Write film", Kind::Short, move |link| {
+        Ok(self.start("Write film", Kind::Short, move |link| {
             link.progress.stage("write film")?;
             write_film(&path, &options, draw, &link.progress)?;
+            ExportTargets::note_files([path.as_path()])?;
             Ok(Box::new(move |session: &mut Self| {
                 session.events.push(Event::Notice(format!("film written to {}", path.display())));
                 Ok(())
             }) as Landing)
-        })
+        }))
     }
 }

@@ -164,4 +164,8 @@ pub struct ExportRequest {
     /// Share of the mesh's triangles to keep, above 0, up to 1; all when absent.
     #[serde(default)]
     pub simplify: Option<f64>,
+    /// Replace files of an earlier export that were changed since. Sources and files that OSTRA did not write are never
+    /// replaced.
+    #[serde(default)]
+    pub overwrite: bool,
 }

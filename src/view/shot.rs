@@ -1,9 +1,13 @@
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use glam::Vec3;
+use image::ImageEncoder;
+use image::codecs::png::PngEncoder;
 use rayon::prelude::*;
 
 use super::{Axes, Bounds, Orbit, ViewError};
+use crate::engine::disk::AtomicFile;
 use crate::frames::{Frame, Image};
 use crate::scene::LabelledCloud;
 
@@ -55,13 +59,12 @@ pub fn default_view(cloud: &LabelledCloud, frames: &[Frame], aspect: f32) -> Opt
     Some(orbit)
 }
 
-/// Writes a picture as PNG, to a temporary name first; `transparent` writes what is not drawn as such.
+/// Writes an image as PNG, whole or not at all; `transparent` writes what is not drawn as such.
 ///
 /// # Errors
 /// [`ViewError::Write`] when the folder is missing or cannot be written.
 pub fn write_png(path: &Path, shot: &Shot, transparent: bool) -> Result<(), ViewError> {
     let fail = |what: String| ViewError::Write { path: path.to_owned(), what };
-    let part = path.with_extension("png.part");
     let Image { width, height, pixels } = &shot.image;
     let with_opacity: Vec<[u8; 4]>;
     let (bytes, kind): (&[u8], _) = if transparent {
@@ -70,7 +73,11 @@ pub fn write_png(path: &Path, shot: &Shot, transparent: bool) -> Result<(), View
     } else {
         (bytemuck::cast_slice(pixels), image::ColorType::Rgb8)
     };
-    image::save_buffer_with_format(&part, bytes, *width, *height, kind, image::ImageFormat::Png)
-        .map_err(|error| fail(error.to_string()))?;
-    std::fs::rename(&part, path).map_err(|error| fail(error.to_string()))
+    let mut file = AtomicFile::create(path).map_err(|error| fail(error.to_string()))?;
+    let mut out = BufWriter::new(file.as_file());
+    let encoded = PngEncoder::new(&mut out).write_image(bytes, *width, *height, kind.into());
+    encoded.map_err(|error| fail(error.to_string()))?;
+    out.flush().map_err(|error| fail(error.to_string()))?;
+    drop(out);
+    file.commit().map_err(|error| fail(error.to_string()))
 }

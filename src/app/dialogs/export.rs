@@ -33,6 +33,7 @@ pub struct ExportForm {
     voxel_format: VoxelFormat,
     camera_encoding: ModelEncoding,
     solid: bool,
+    overwrite: bool,
     /// Of the mesh's triangles, percent.
     kept: u32,
 }
@@ -58,6 +59,7 @@ impl Default for ExportForm {
             voxel_format: VoxelFormat::default(),
             camera_encoding: ModelEncoding::default(),
             solid: false,
+            overwrite: false,
             kept: 100,
         }
     }
@@ -108,6 +110,7 @@ impl ExportForm {
             twin: self.twin,
             per_label: self.per_label,
             simplify: (self.mesh && has.surface && self.kept < 100).then(|| f64::from(self.kept) / 100.0),
+            overwrite: self.overwrite,
         };
         let ExportRequest { cloud, mesh, voxels, masks, cameras, undistorted, depths, traits, .. } = &request;
         let anything = [cloud, mesh, voxels, masks, cameras, undistorted, depths, traits];
@@ -194,6 +197,8 @@ fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
 }
 
 fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
+    let tip = "Replaces files of an earlier export that were changed since, e.g. in a spreadsheet";
+    ui.checkbox(&mut form.overwrite, "Replace changed exports").on_hover_text(tip);
     let tip = "Writes the same points or mesh in the colours of the labels beside the file";
     ui.checkbox(&mut form.twin, "Twin in label colours").on_hover_text(tip);
     ui.checkbox(&mut form.per_label, "One file per label too")

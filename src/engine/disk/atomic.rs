@@ -3,9 +3,9 @@ use std::fs::{self, File};
 use std::io::{Error, ErrorKind, Result, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use tempfile::{Builder, NamedTempFile};
+use tempfile::{Builder, NamedTempFile, TempDir};
 
-use super::leftovers::{PREFIX, SUFFIX};
+use super::leftovers::{LOCK, PREFIX, SUFFIX};
 
 /// A file that takes the place of another when it is complete.
 ///
@@ -83,6 +83,33 @@ pub fn write(target: &Path, bytes: &[u8]) -> Result<()> {
     let mut file = AtomicFile::create(target)?;
     file.write_all(bytes)?;
     file.commit()
+}
+
+/// A folder for what another program writes before it is renamed; it goes when dropped.
+#[derive(Debug)]
+pub struct WorkFolder {
+    folder: TempDir,
+    /// Locked while the folder is in use.
+    _lock: File,
+}
+
+impl WorkFolder {
+    /// Makes one inside `folder`, under a random name.
+    ///
+    /// # Errors
+    /// When `folder` is missing or not writable.
+    pub fn create(folder: &Path) -> Result<Self> {
+        let folder = Builder::new().prefix(PREFIX).suffix(SUFFIX).rand_bytes(12).tempdir_in(folder)?;
+        let lock = File::create_new(folder.path().join(LOCK))?;
+        let _ = lock.try_lock();
+        Ok(Self { folder, _lock: lock })
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
 }
 
 fn folder_of(target: &Path) -> &Path {

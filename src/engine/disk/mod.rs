@@ -5,5 +5,5 @@
 mod atomic;
 mod leftovers;
 
-pub use atomic::{AtomicFile, write};
+pub use atomic::{AtomicFile, WorkFolder, write};
 pub use leftovers::{is_temporary, remove_leftovers};

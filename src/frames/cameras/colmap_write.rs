@@ -1,3 +1,4 @@
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -6,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::colmap_model::{model_and_parameters, model_number};
 use super::colmap_model_out::{ImageOut, ModelOut};
 use super::{SparsePoint, SparsePoints};
+use crate::engine::disk;
 use crate::frames::{Frame, FrameError};
 use crate::geometry::Camera;
 
@@ -45,9 +47,35 @@ pub fn write_colmap_model(
     };
     for (name, bytes) in ["cameras", "images", "points3D"].into_iter().zip(files) {
         let path = folder.join(format!("{name}.{ending}"));
-        std::fs::write(&path, bytes).map_err(|source| FrameError::Io { path, source })?;
+        disk::write(&path, &bytes).map_err(|source| FrameError::Io { path, source })?;
     }
     Ok(())
+}
+
+/// The frames under names that COLMAP's text format can hold, which ends a name at its first space: white space and control
+/// characters become `_`, and a name that is taken by that gets a number. `None` where every name can be held.
+#[must_use]
+pub fn with_text_names(frames: &[Frame]) -> Option<Vec<Frame>> {
+    let is_unsafe = |c: char| c.is_whitespace() || c.is_control();
+    if !frames.iter().any(|frame| frame.name.contains(is_unsafe)) {
+        return None;
+    }
+    let mut taken: BTreeSet<String> =
+        frames.iter().filter(|frame| !frame.name.contains(is_unsafe)).map(|frame| frame.name.clone()).collect();
+    let rename = |frame: &Frame| {
+        if !frame.name.contains(is_unsafe) {
+            return frame.clone();
+        }
+        let plain = frame.name.replace(is_unsafe, "_");
+        let (stem, ending) = plain.rsplit_once('.').unwrap_or((&plain, ""));
+        let dot = if ending.is_empty() { "" } else { "." };
+        let numbered = (2..).map(|number| format!("{stem}_{number}{dot}{ending}"));
+        let name =
+            std::iter::once(plain.clone()).chain(numbered).find(|name| !taken.contains(name)).unwrap_or_default();
+        taken.insert(name.clone());
+        Frame { name, ..frame.clone() }
+    };
+    Some(frames.iter().map(rename).collect())
 }
 
 fn camera_list(cameras: &[Camera]) -> String {

@@ -29,7 +29,7 @@ mod tum;
 pub use attach::attach_intrinsics;
 pub use colmap_keypoints::read_sparse_model;
 pub use colmap_points::read_sparse_points;
-pub use colmap_write::{ModelEncoding, write_colmap_model};
+pub use colmap_write::{ModelEncoding, with_text_names, write_colmap_model};
 pub use depth_camera_source::{DepthCameraSource, GivenDepthCamera};
 pub use given::{CameraKey, Focal, GivenCamera, GivenCameras, GivenIntrinsics};
 pub use intrinsics_source::IntrinsicsSource;

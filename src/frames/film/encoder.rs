@@ -1,8 +1,9 @@
 use std::io::{Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Stdio};
 
 use super::programs::{Programs, command};
+use crate::engine::disk::WorkFolder;
 use crate::engine::job::Progress;
 use crate::frames::{FrameError, Image};
 
@@ -28,19 +29,12 @@ pub fn write_film(
     draw: impl Fn(usize) -> Image,
     progress: &Progress,
 ) -> Result<(), FrameError> {
-    let part = part_path(path);
-    let written = encode(path, &part, options, draw, progress)
-        .and_then(|()| std::fs::rename(&part, path).map_err(|error| invalid(path, &error)));
-    if written.is_err() {
-        let _ = std::fs::remove_file(&part);
-    }
-    written
-}
-
-/// Beside the film and with its ending, by which ffmpeg knows what to write.
-fn part_path(path: &Path) -> PathBuf {
-    let ending = path.extension().map(|ending| ending.to_string_lossy().into_owned()).unwrap_or_default();
-    path.with_extension(format!("part.{ending}"))
+    // A folder of its own keeps the ending, by which ffmpeg knows what to write.
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let work = WorkFolder::create(folder).map_err(|error| invalid(path, &error))?;
+    let part = work.path().join(path.file_name().unwrap_or_default());
+    encode(path, &part, options, draw, progress)?;
+    std::fs::rename(&part, path).map_err(|error| invalid(path, &error))
 }
 
 fn encode(

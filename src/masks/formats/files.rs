@@ -3,6 +3,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
+use crate::engine::disk;
 use crate::engine::job::Progress;
 use crate::frames::natural_order;
 use crate::masks::MaskError;
@@ -40,20 +41,12 @@ pub(in crate::masks) fn list_files(dir: &Path, endings: &[&str]) -> Result<Vec<F
     Ok(found)
 }
 
-/// Writes a file so that it is there whole or not at all: under a temporary name beside it, then renamed. Folders on
-/// the way are made.
+/// Writes a file whole or not at all ([`disk::write`]); makes the folders above it.
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), MaskError> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(io_error(folder))?;
     }
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let temporary = path.with_file_name(format!(".{name}.part"));
-    let written = std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path));
-    written.map_err(|source| {
-        // Already failing: that the rest cannot be cleared away adds nothing.
-        let _ = std::fs::remove_file(&temporary);
-        MaskError::Io { path: path.to_path_buf(), source }
-    })
+    disk::write(path, bytes).map_err(io_error(path))
 }
 
 /// Does `work` on every item on all cores, reporting each as done; the first error in the items' order is returned.

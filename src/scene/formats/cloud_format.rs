@@ -1,4 +1,4 @@
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::las::{self, Packing};
 use super::{classes, names, pcd};
@@ -72,6 +72,12 @@ impl CloudFormat {
     /// # Errors
     /// [`SceneError::Io`].
     pub fn save_classes(path: &Path, cloud: &LabelledCloud) -> Result<(), SceneError> {
-        classes::save(&path.with_extension("classes.json"), &cloud.tree)
+        classes::save(&Self::classes_path(path), &cloud.tree)
+    }
+
+    /// Where [`Self::save_classes`] writes for a cloud at `path`.
+    #[must_use]
+    pub fn classes_path(path: &Path) -> PathBuf {
+        path.with_extension("classes.json")
     }
 }

@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::names::{color_of, safe_names};
 use crate::engine::job::Progress;
@@ -24,9 +24,9 @@ pub(super) fn save(
     let parts = mesh.by_label();
     let tree = &mesh.vertices.tree;
     let names = safe_names(tree, parts.keys().copied());
-    let library = format!("{}.mtl", file_part(&path.file_stem().unwrap_or_default().to_string_lossy()));
+    let library = library_name(path);
     let materials = materials(tree, &names);
-    write_whole(&path.with_file_name(&library), |out| out.write_all(materials.as_bytes()).map_err(unplaced))?;
+    write_whole(&materials_path(path), |out| out.write_all(materials.as_bytes()).map_err(unplaced))?;
     write_whole(path, |out| {
         let mut out = BufWriter::with_capacity(1 << 18, out);
         out.write_all(head(tree, &library).as_bytes()).map_err(unplaced)?;
@@ -37,6 +37,15 @@ pub(super) fn save(
         }
         out.flush().map_err(unplaced)
     })
+}
+
+/// Where the materials of a mesh at `path` are written.
+pub(super) fn materials_path(path: &Path) -> PathBuf {
+    path.with_file_name(library_name(path))
+}
+
+fn library_name(path: &Path) -> String {
+    format!("{}.mtl", file_part(&path.file_stem().unwrap_or_default().to_string_lossy()))
 }
 
 fn head(tree: &LabelTree, library: &str) -> String {

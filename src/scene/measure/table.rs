@@ -101,7 +101,11 @@ fn significant(value: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
+/// A cell of text. A leading apostrophe keeps spreadsheets from taking it for a formula (OWASP, "CSV Injection").
 fn quoted(text: &str) -> String {
+    let is_formula =
+        text.trim_start_matches(' ').starts_with(['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠']);
+    let text = &if is_formula { format!("'{text}") } else { text.to_owned() };
     if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
 }
 
@@ -125,6 +129,14 @@ mod tests {
         let line = |unit| traits_csv(std::slice::from_ref(&row), unit).lines().nth(1).unwrap().to_owned();
         assert_eq!(line(LengthUnit::Metre), r#""a,b","top › a,b",2,area,0.00123457,m^2,"say ""x""",9"#);
         assert!(line(LengthUnit::Millimetre).contains(",1234.57,mm^2,"));
+    }
+
+    #[test]
+    fn text_that_spreadsheets_would_run_is_marked() {
+        for formula in ["=HYPERLINK(1)", "+1", "-2+3", "@SUM(A1)", "\t=1", " =1", "＝1"] {
+            assert!(quoted(formula).trim_start_matches('"').starts_with('\''), "{formula}");
+        }
+        assert_eq!(quoted("leaf - 2"), "leaf - 2");
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::scene::Scene;
 use super::view::View;
+use crate::engine::disk::{self, AtomicFile};
 use crate::engine::job::Progress;
 use crate::frames::{DepthMap, Image};
 use crate::masks::{LabelMask, LabelTree};
@@ -49,27 +50,31 @@ fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> SceneError {
 }
 
 fn write_text(path: &Path, text: &str) -> Result<(), SceneError> {
-    fs::write(path, text).map_err(io_error(path))
+    disk::write(path, text.as_bytes()).map_err(io_error(path))
 }
+
+/// What images are encoded by.
+type PngEncoder<'a> = png::Encoder<'a, BufWriter<&'a mut fs::File>>;
 
 fn encode_png(
     path: &Path,
     (width, height): (u32, u32),
-    set: impl FnOnce(&mut png::Encoder<'_, BufWriter<fs::File>>),
+    set: impl FnOnce(&mut PngEncoder<'_>),
     bytes: &[u8],
 ) -> Result<(), SceneError> {
-    let file = fs::File::create(path).map_err(io_error(path))?;
-    let mut encoder = png::Encoder::new(BufWriter::new(file), width, height);
+    let mut file = AtomicFile::create(path).map_err(io_error(path))?;
+    let mut encoder = png::Encoder::new(BufWriter::new(file.as_file()), width, height);
     set(&mut encoder);
     let written = encoder.write_header().and_then(|mut writer| {
         writer.write_image_data(bytes)?;
         writer.finish()
     });
-    written.map_err(|source| io_error(path)(std::io::Error::other(source)))
+    written.map_err(|source| io_error(path)(std::io::Error::other(source)))?;
+    file.commit().map_err(io_error(path))
 }
 
 fn write_image(path: &Path, image: &Image) -> Result<(), SceneError> {
-    let set = |encoder: &mut png::Encoder<'_, _>| {
+    let set = |encoder: &mut PngEncoder<'_>| {
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_compression(png::Compression::Fast);
     };
@@ -82,7 +87,7 @@ fn write_depth(path: &Path, depth: &DepthMap, unit_m: f64) -> Result<(), SceneEr
         if steps < 65_535.0 { steps as u16 } else { 0 }
     };
     let bytes: Vec<u8> = depth.depths.iter().flat_map(|z| step(z).to_be_bytes()).collect();
-    let set = |encoder: &mut png::Encoder<'_, _>| {
+    let set = |encoder: &mut PngEncoder<'_>| {
         encoder.set_color(png::ColorType::Grayscale);
         encoder.set_depth(png::BitDepth::Sixteen);
         encoder.set_compression(png::Compression::Fast);
@@ -97,7 +102,7 @@ fn write_mask(path: &Path, mask: &LabelMask, tree: &LabelTree) -> Result<(), Sce
     for label in tree.iter() {
         palette[3 * usize::from(label.id.0)..][..3].copy_from_slice(&label.color);
     }
-    let set = |encoder: &mut png::Encoder<'_, _>| {
+    let set = |encoder: &mut PngEncoder<'_>| {
         encoder.set_color(png::ColorType::Indexed);
         encoder.set_palette(palette);
     };

@@ -1,4 +1,4 @@
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -6,6 +6,7 @@ use anyhow::{Context, Result};
 use rayon::prelude::*;
 use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
 
+use crate::engine::disk::AtomicFile;
 use crate::engine::job::Progress;
 use crate::frames::{DepthMap, FrameStore};
 use crate::session::Project;
@@ -25,7 +26,11 @@ pub fn write(folder: &Path, project: &Project, store: &FrameStore, progress: &Pr
 fn write_tiff(path: &Path, depth: &DepthMap) -> Result<()> {
     super::make_folder_of(path)?;
     let failed = || format!("{}: cannot be written; check permissions and free space", path.display());
-    let file = std::fs::File::create(path).with_context(failed)?;
-    let mut encoder = TiffEncoder::new(BufWriter::new(file)).with_context(failed)?;
-    encoder.write_image::<Gray32Float>(depth.width, depth.height, &depth.depths).with_context(failed)
+    let mut file = AtomicFile::create(path).with_context(failed)?;
+    let mut out = BufWriter::new(file.as_file());
+    let mut encoder = TiffEncoder::new(&mut out).with_context(failed)?;
+    encoder.write_image::<Gray32Float>(depth.width, depth.height, &depth.depths).with_context(failed)?;
+    out.flush().with_context(failed)?;
+    drop(out);
+    file.commit().with_context(failed)
 }

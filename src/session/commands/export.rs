@@ -5,15 +5,16 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::engine::job::Progress;
-use crate::frames::FrameStore;
-use crate::frames::cameras::{SparsePoints, write_colmap_model};
+use crate::frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
+use crate::frames::{Frame, FrameStore};
 use crate::masks::{Label, LabelId, LabelTree, MaskFormat};
 use crate::scene::LabelledCloud;
 use crate::scene::formats::{CloudFormat, MeshFormat, VoxelFormat};
 use crate::scene::fuse::Votes;
 use crate::scene::measure::LengthUnit;
-use crate::scene::ply::read_ply;
+use crate::scene::ply::{label_paths, read_ply, twin_path};
 use crate::session::cloud::read_votes_file;
+use crate::session::export_targets::ExportTargets;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::store::{cloud_path, load_sparse, version_in_force, votes_path};
 use crate::session::{ExportRequest, JobId, Project, ResultKind, Session};
@@ -43,9 +44,11 @@ impl Session {
     pub(in crate::session) fn export(&mut self, request: &ExportRequest) -> Result<JobId> {
         let sources = self.export_sources()?;
         check(request, &sources)?;
+        let targets = ExportTargets::of(&sources.project, sources.root.as_deref(), request.overwrite);
+        check_targets(request, &targets)?;
         let request = request.clone();
         Ok(self.start("Export", Kind::Short, move |link| {
-            let warnings = write(&request, &sources, &link.progress)?;
+            let warnings = write(&request, &sources, &targets, &link.progress)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.warn_all(warnings);
                 Ok(())
@@ -111,8 +114,17 @@ fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
 }
 
 /// Writes what was asked for; returns what the user should know.
-fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Result<Vec<String>> {
+fn write(
+    request: &ExportRequest,
+    sources: &Sources,
+    targets: &ExportTargets,
+    progress: &Progress,
+) -> Result<Vec<String>> {
     let mut warnings: Vec<String> = outdated(request, sources).into_iter().collect();
+    let files = output_files(request, &sources.tree_of_files());
+    if request.per_label {
+        targets.check_files(files.iter().map(PathBuf::as_path))?;
+    }
     if request.cloud.is_some() || request.voxels.is_some() || request.traits.is_some() {
         let cloud = load_cloud(sources, progress)?;
         if let Some(path) = &request.cloud {
@@ -130,7 +142,19 @@ fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Res
     let sparse =
         || sources.root.as_deref().map_or_else(SparsePoints::default, |root| load_sparse(root, &sources.project));
     if let Some(folder) = &request.cameras {
-        write_colmap_model(folder, &sources.project.frames, &sparse(), request.camera_encoding)?;
+        let frames = &sources.project.frames;
+        let renamed = match request.camera_encoding {
+            ModelEncoding::Text => with_text_names(frames),
+            ModelEncoding::Binary => None,
+        };
+        if let Some((before, after)) = renamed.as_deref().and_then(|renamed| first_renamed(frames, renamed)) {
+            warnings.push(format!(
+                "{}: COLMAP's text format ends names at a space, so '{before}' and the like are written as '{after}'; \
+                 give --binary to keep the names",
+                folder.display()
+            ));
+        }
+        write_colmap_model(folder, renamed.as_deref().unwrap_or(frames), &sparse(), request.camera_encoding)?;
     }
     if let Some(folder) = &request.undistorted {
         super::undistorted::write(folder, &sources.project, &sparse(), &sources.store, progress)?;
@@ -141,7 +165,69 @@ fn write(request: &ExportRequest, sources: &Sources, progress: &Progress) -> Res
     if let Some(folder) = &request.depths {
         super::depths::write(folder, &sources.project, &sources.store, progress)?;
     }
+    ExportTargets::note_files(files.iter().map(PathBuf::as_path).filter(|file| file.is_file()))?;
+    output_folders(request).try_for_each(ExportTargets::note_folder)?;
     Ok(warnings)
+}
+
+fn first_renamed<'a>(before: &'a [Frame], after: &'a [Frame]) -> Option<(&'a str, &'a str)> {
+    before
+        .iter()
+        .zip(after)
+        .map(|(before, after)| (&*before.name, &*after.name))
+        .find(|(before, after)| before != after)
+}
+
+fn output_folders(request: &ExportRequest) -> impl Iterator<Item = &Path> {
+    [&request.cameras, &request.undistorted, &request.masks, &request.depths]
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path)
+}
+
+/// All files that an export may write besides those in folders; with `per_label` one for each label of `tree`.
+fn output_files(request: &ExportRequest, tree: &LabelTree) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for path in [&request.cloud, &request.mesh, &request.voxels].into_iter().flatten() {
+        let mut of_path = vec![path.clone()];
+        if request.twin {
+            of_path.push(twin_path(path));
+        }
+        if request.per_label {
+            of_path.extend(label_paths(path, &every_label(tree)).into_values());
+        }
+        let materials: Vec<PathBuf> = of_path.iter().filter_map(|file| MeshFormat::materials_path(file)).collect();
+        files.extend(of_path.into_iter().chain(materials));
+    }
+    files.extend(request.cloud.as_deref().map(CloudFormat::classes_path));
+    files.extend(request.traits.clone());
+    files
+}
+
+/// A cloud with a point of each label and one without.
+fn every_label(tree: &LabelTree) -> LabelledCloud {
+    let labels: Vec<LabelId> = std::iter::once(LabelId::NONE).chain(tree.iter().map(|label| label.id)).collect();
+    let places = LabelledCloud::from_positions(vec![glam::Vec3::ZERO; labels.len()]);
+    LabelledCloud { labels, tree: tree.clone(), ..places }
+}
+
+/// Refuses places that an export must not write to, before anything is written.
+fn check_targets(request: &ExportRequest, targets: &ExportTargets) -> Result<()> {
+    let without_labels = ExportRequest { per_label: false, ..request.clone() };
+    let files = output_files(&without_labels, &LabelTree::default());
+    targets.check_files(files.iter().map(PathBuf::as_path))?;
+    let folders: Vec<&Path> = output_folders(request).collect();
+    for (at, folder) in folders.iter().enumerate() {
+        targets.check_folder(folder)?;
+        if let Some(other) = folders[..at].iter().find(|other| folder.starts_with(other) || other.starts_with(folder)) {
+            bail!(
+                "{} and {} would share a folder; give each kind of result a folder of its own",
+                other.display(),
+                folder.display()
+            );
+        }
+    }
+    Ok(())
 }
 
 /// A warning where the points or triangles were made of something that has changed since.
@@ -188,6 +274,11 @@ impl Sources {
             let _ = tree.set(Label { parent: None, ..label.clone() });
         }
         tree
+    }
+
+    /// All labels that files per label may be written for.
+    fn tree_of_files(&self) -> LabelTree {
+        self.cloud.as_ref().map_or_else(|| self.project.labels.clone(), |cloud| self.tree_of_today(&cloud.tree))
     }
 
     /// How the cloud was voted on; `None` for a PLY that is inspected.

@@ -1,4 +1,3 @@
-use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::Arc;
@@ -8,6 +7,7 @@ use anyhow::{Context, Result, ensure};
 
 use super::surface::{Made, Sources};
 use super::voted_before::{VotedBefore, geometry_digest};
+use crate::engine::disk::AtomicFile;
 use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore};
 use crate::masks::Label;
@@ -187,10 +187,12 @@ fn settings(request: &FuseRequest, fused: &Fused, is_stereo: bool) -> String {
 
 pub(super) fn save_votes(path: &Path, votes: &Votes) -> Result<()> {
     let write = || -> std::io::Result<()> {
-        let mut out = BufWriter::new(File::create(path)?);
+        let mut file = AtomicFile::create(path)?;
+        let mut out = BufWriter::new(file.as_file());
         write_votes(&mut out, votes)?;
         out.flush()?;
-        out.get_ref().sync_all()
+        drop(out);
+        file.commit()
     };
     write().with_context(|| format!("{}: cannot be written; check permissions and free space", path.display()))
 }

@@ -6,6 +6,7 @@ use anyhow::{Result, ensure};
 use super::paint::anchor_of;
 use crate::engine::job::Progress;
 use crate::masks::{Imported, MaskFormat, MaskFrame, RunMask, export_masks, file_stems, import_masks};
+use crate::session::export_targets::ExportTargets;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{Edit, JobId, Project, Session};
 
@@ -36,12 +37,15 @@ impl Session {
         Ok(())
     }
 
-    pub(in crate::session) fn export_masks(&mut self, dir: &Path, format: &str) -> Result<JobId> {
+    pub(in crate::session) fn export_masks(&mut self, dir: &Path, format: &str, overwrite: bool) -> Result<JobId> {
         let (project, dir) = (self.snapshot()?, dir.to_owned());
         let format: MaskFormat = format.parse()?;
         ensure!(!project.masks.is_empty(), "no frame has a mask; prompt, paint or track first");
+        let targets = ExportTargets::of(&project, self.root(), overwrite);
+        targets.check_folder(&dir)?;
         Ok(self.start("Export masks", Kind::Short, move |link| {
             write(&dir, format, &project, None, &link.progress)?;
+            ExportTargets::note_folder(&dir)?;
             Ok(Box::new(|_: &mut Self| Ok(())) as Landing)
         }))
     }

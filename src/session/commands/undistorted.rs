@@ -1,11 +1,15 @@
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, Result};
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
 use rayon::prelude::*;
 
+use crate::engine::disk;
 use crate::engine::job::Progress;
-use crate::frames::cameras::{ModelEncoding, SparsePoints, write_colmap_model};
+use crate::frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
 use crate::frames::{Frame, FrameCamera, FrameStore, Image, Orientation, PictureSource};
 use crate::masks::{RunMask, encode_palette_png};
 use crate::scene::sfm::{undistort_image, undistort_mask, undistorted_camera};
@@ -22,6 +26,10 @@ pub fn write(
 ) -> Result<()> {
     progress.stage("write undistorted pictures")?;
     let done = AtomicUsize::new(0);
+    // The model names the images, so both get names that the model's text can hold.
+    let named = with_text_names(&project.frames);
+    let project =
+        &named.map_or_else(|| project.clone(), |frames| Project { frames: Arc::new(frames), ..project.clone() });
     let stems = super::masks::stems(project)?;
     let frames: Vec<Frame> = project.frames.iter().zip(&stems).map(|(frame, stem)| pinhole(frame, stem)).collect();
     (0..frames.len()).into_par_iter().try_for_each(|number| {
@@ -61,15 +69,19 @@ fn write_frame(folder: &Path, project: &Project, number: usize, to: &Frame, stor
     let mask = undistort_mask(&mask.decode(), camera, pinhole);
     let path = folder.join("masks").join(&to.name);
     super::make_folder_of(&path)?;
-    std::fs::write(&path, encode_palette_png(&RunMask::encode(&mask), &project.labels)?)
+    disk::write(&path, &encode_palette_png(&RunMask::encode(&mask), &project.labels)?)
         .with_context(|| cannot_write(&path))
 }
 
 fn save_image(path: &Path, image: &Image) -> Result<()> {
     super::make_folder_of(path)?;
     let bytes = bytemuck::cast_slice(&image.pixels);
-    image::save_buffer(path, bytes, image.width, image.height, image::ColorType::Rgb8)
-        .with_context(|| cannot_write(path))
+    let mut png = Vec::new();
+    let encoder = PngEncoder::new(&mut png);
+    encoder
+        .write_image(bytes, image.width, image.height, ExtendedColorType::Rgb8)
+        .with_context(|| cannot_write(path))?;
+    disk::write(path, &png).with_context(|| cannot_write(path))
 }
 
 fn cannot_write(path: &Path) -> String {

@@ -2,13 +2,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use glam::DVec3;
 
 use super::levels::{score_levels, tell_apart};
 use super::report::{CloudReport, DemoReport, LevelsReport, MaskReport};
 use super::studio::{Studio, Watch};
 use super::user::SimulatedUser;
+use super::workspace;
+use crate::engine::disk;
 use crate::engine::job::Progress;
 use crate::frames::cameras::IntrinsicsSource;
 use crate::frames::{Frame, FrameFolder, OpenRequest};
@@ -73,7 +75,7 @@ const WITHIN_M: f64 = 0.003;
 pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<'_>) -> Result<DemoReport> {
     let mut clock = Clock::default();
     let out = &options.out;
-    clear_former(out)?;
+    workspace::prepare(out)?;
     let scene = Scene::build(&options.scene)?;
     let truth_cloud = clock.time("1 scene", || make_recording(&scene, out))?;
     let truth_masks: Vec<LabelMask> = scene.views().iter().map(|view| scene.render_exact(view).mask).collect();
@@ -142,25 +144,6 @@ impl Clock {
         *self.seconds.entry(stage.to_owned()).or_default() += begun.elapsed().as_secs_f64();
         result
     }
-}
-
-/// Takes a former demo away; anything else in the folder is left alone and refused.
-fn clear_former(out: &Path) -> Result<()> {
-    let is_empty = std::fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
-    if is_empty {
-        return std::fs::create_dir_all(out)
-            .with_context(|| format!("{}: cannot be made; choose another folder", out.display()));
-    }
-    if !out.join("report.json").is_file() && !out.join("recording").is_dir() {
-        bail!("{}: is not empty and holds no demo; choose another folder", out.display());
-    }
-    for name in ["recording", "project", "truth"] {
-        let folder = out.join(name);
-        if folder.exists() {
-            std::fs::remove_dir_all(&folder).with_context(|| format!("{}: cannot be taken away", folder.display()))?;
-        }
-    }
-    Ok(())
 }
 
 fn make_recording(scene: &Scene, out: &Path) -> Result<LabelledCloud> {
@@ -268,5 +251,5 @@ fn describe(scene: &SceneOptions) -> String {
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    std::fs::write(path, bytes).with_context(|| format!("{}: cannot be written", path.display()))
+    disk::write(path, bytes).with_context(|| format!("{}: cannot be written", path.display()))
 }

@@ -7,7 +7,7 @@ use super::folder::{Written, WrittenSparse};
 use super::{history_file, manifest, mask_files, versions};
 use crate::engine::job::Progress;
 use crate::frames::FrameError;
-use crate::frames::cameras::{ModelEncoding, SparsePoints, read_sparse_model, write_colmap_model};
+use crate::frames::cameras::{ModelEncoding, SparsePoints, read_sparse_model, with_text_names, write_colmap_model};
 use crate::session::{History, Project, ResultKind};
 
 /// The history keeps at least this many bytes of steps, and at most twice as many.
@@ -61,6 +61,8 @@ impl Checkpoint {
         let posed = frames.iter().any(|frame| frame.posed_camera().is_some());
         if posed && !self.before.sparse.as_ref().is_some_and(same) {
             let sparse = load_sparse(&self.root, &self.project);
+            let named = with_text_names(frames);
+            let frames = named.as_deref().unwrap_or(frames);
             let written = write_colmap_model(&self.root.join("sparse"), frames, &sparse, ModelEncoding::Text);
             if let Err(error @ FrameError::Io { .. }) = written {
                 return Err(error.into());

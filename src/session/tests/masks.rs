@@ -226,7 +226,8 @@ fn masks_written_are_read_back_as_anchors() {
     let painted = session.project().unwrap().masks.clone();
     for format in ["davis", "binary", "coco"] {
         let dir = folder.path().join(format);
-        perform(&mut session, Command::ExportMasks { dir: dir.clone(), format: format.into() }).unwrap();
+        perform(&mut session, Command::ExportMasks { dir: dir.clone(), format: format.into(), overwrite: false })
+            .unwrap();
         perform(&mut session, Command::ClearMask { frame: 0 }).unwrap();
         perform(&mut session, Command::ImportMasks { dir, format: format.into() }).unwrap();
         let masks = &session.project().unwrap().masks;

@@ -1,0 +1,161 @@
+//! The demo's folder: what a demo made, and may therefore replace.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use serde::{Deserialize, Serialize};
+
+use crate::engine::disk;
+use crate::session::export_targets::{ExportRecord, files_below};
+
+/// Marks a folder that a demo made.
+const MARKER: &str = ".ostra-demo.json";
+
+/// What a demo makes in its folder.
+const MADE: [&str; 8] =
+    ["recording", "project", "truth", "cloud.ply", "cloud.classes.json", "mesh.ply", "shot.png", "report.json"];
+
+/// The content of [`MARKER`].
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Marker {
+    /// The files as they were when the demo ended; absent while it runs.
+    made: Option<ExportRecord>,
+}
+
+impl Marker {
+    fn write(&self, out: &Path) -> Result<()> {
+        let path = out.join(MARKER);
+        disk::write(&path, &serde_json::to_vec_pretty(self)?)
+            .with_context(|| format!("{}: cannot be written; choose another folder for the demo", path.display()))
+    }
+}
+
+/// Makes the folder ready for a demo. What an earlier demo made is removed if it is unchanged. What an interrupted demo
+/// left is moved to `interrupted-N`.
+///
+/// # Errors
+/// When the folder holds files that no demo made, or an earlier demo's files were changed since.
+pub fn prepare(out: &Path) -> Result<()> {
+    let is_empty = fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
+    if is_empty {
+        fs::create_dir_all(out)
+            .with_context(|| format!("{}: cannot be made; choose another folder for the demo", out.display()))?;
+        return Marker::default().write(out);
+    }
+    let Ok(bytes) = fs::read(out.join(MARKER)) else {
+        bail!("{}: is not empty and was not made by a demo; choose a new or empty folder", out.display());
+    };
+    match serde_json::from_slice::<Marker>(&bytes).unwrap_or_default().made {
+        Some(record) => remove_unchanged(out, &record)?,
+        None => set_aside(out)?,
+    }
+    Marker::default().write(out)
+}
+
+/// Notes what the demo made, when all of it is written and its project is closed.
+///
+/// # Errors
+/// When the folder cannot be read or written.
+pub fn finish(out: &Path) -> Result<()> {
+    let mut record = ExportRecord::default();
+    made_files(out)?.iter().for_each(|file| record.add(out, file));
+    Marker { made: Some(record) }.write(out)
+}
+
+/// All files of a demo, but for the lock of its project, which is touched whenever the project is opened.
+fn made_files(out: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for place in MADE.map(|name| out.join(name)) {
+        let Ok(found) = fs::symlink_metadata(&place) else { continue };
+        if found.is_dir() {
+            files.extend(files_below(&place)?.into_iter().filter(|file| !file.ends_with("project/.lock")));
+        } else {
+            files.push(place);
+        }
+    }
+    Ok(files)
+}
+
+fn remove_unchanged(out: &Path, record: &ExportRecord) -> Result<()> {
+    let kept = made_files(out)?.into_iter().find(|file| record.is_unchanged(out, file) != Some(true));
+    if let Some(file) = kept {
+        bail!(
+            "{}: was changed or added after the demo that made {}; choose another folder, or remove this one first",
+            file.display(),
+            out.display()
+        );
+    }
+    for place in MADE.map(|name| out.join(name)) {
+        let removed = match fs::symlink_metadata(&place) {
+            Ok(found) if found.is_dir() => fs::remove_dir_all(&place),
+            Ok(_) => fs::remove_file(&place),
+            Err(_) => Ok(()),
+        };
+        removed.with_context(|| format!("{}: cannot be removed; check permissions", place.display()))?;
+    }
+    Ok(())
+}
+
+fn set_aside(out: &Path) -> Result<()> {
+    let found: Vec<&str> = MADE.into_iter().filter(|name| fs::symlink_metadata(out.join(name)).is_ok()).collect();
+    if found.is_empty() {
+        return Ok(());
+    }
+    let Some(aside) = (1..).map(|number| out.join(format!("interrupted-{number}"))).find(|place| !place.exists())
+    else {
+        return Ok(());
+    };
+    let cannot = || format!("{}: cannot be made; choose another folder for the demo", aside.display());
+    fs::create_dir(&aside).with_context(cannot)?;
+    found.into_iter().try_for_each(|name| fs::rename(out.join(name), aside.join(name))).with_context(cannot)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn put(out: &Path, name: &str) {
+        fs::create_dir_all(out.join(name).parent().unwrap()).unwrap();
+        fs::write(out.join(name), name).unwrap();
+    }
+
+    #[test]
+    fn demo_replaces_only_what_it_made_and_nobody_changed() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("OUT");
+        prepare(&out).unwrap();
+        put(&out, "project/project.toml");
+        put(&out, "recording/color/0.png");
+        finish(&out).unwrap();
+        put(&out, "notes.txt");
+        put(&out, "project/.lock");
+        prepare(&out).unwrap();
+        assert!(out.join("notes.txt").exists() && !out.join("project").exists());
+        put(&out, "project/project.toml");
+        finish(&out).unwrap();
+        put(&out, "project/thesis.tex");
+        assert!(prepare(&out).unwrap_err().to_string().contains("thesis.tex"));
+        fs::remove_file(out.join("project/thesis.tex")).unwrap();
+        fs::write(out.join("project/project.toml"), "edited").unwrap();
+        assert!(prepare(&out).is_err());
+    }
+
+    #[test]
+    fn what_an_interrupted_demo_left_is_moved() {
+        let dir = tempfile::tempdir().unwrap();
+        prepare(dir.path()).unwrap();
+        put(dir.path(), "project/project.toml");
+        prepare(dir.path()).unwrap();
+        assert!(dir.path().join("interrupted-1/project/project.toml").is_file());
+    }
+
+    #[test]
+    fn folders_that_no_demo_made_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        put(dir.path(), "recording/day1.bag");
+        put(dir.path(), "report.json");
+        assert!(prepare(dir.path()).unwrap_err().to_string().contains("not made by a demo"));
+        assert!(dir.path().join("recording/day1.bag").exists());
+    }
+}

@@ -1,0 +1,388 @@
+//! Where exports may write: never over a source, never into a project, never over files that OSTRA did not write.
+
+use std::collections::BTreeMap;
+use std::fs::{self, Metadata};
+use std::path::{Component, Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use anyhow::{Context, Result, bail};
+use serde::{Deserialize, Serialize};
+
+use super::Project;
+use crate::engine::disk;
+
+/// The file in a folder that lists what OSTRA exported into it.
+pub const RECORD: &str = ".ostra-exports.json";
+
+/// What systems put into every folder that is looked at; no work of the user's.
+const SYSTEM_FILES: [&str; 4] = [".DS_Store", "Thumbs.db", "desktop.ini", RECORD];
+
+/// The places that an export must not touch, and whether it may replace an earlier one.
+#[derive(Debug, Clone, Default)]
+pub struct ExportTargets {
+    /// Identity of each source → its path.
+    sources: BTreeMap<FileId, PathBuf>,
+    /// The project's folder, links resolved.
+    root: Option<PathBuf>,
+    /// Files of an earlier export that were changed since may be replaced.
+    overwrite: bool,
+}
+
+/// Names a file whatever it is called: links and hard links have the id of what they lead to.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+enum FileId {
+    #[cfg(unix)]
+    Inode(u64, u64),
+    #[cfg(not(unix))]
+    Path(PathBuf),
+}
+
+impl FileId {
+    #[cfg(unix)]
+    fn of(path: &Path) -> Option<Self> {
+        use std::os::unix::fs::MetadataExt;
+        let found = fs::metadata(path).ok()?;
+        Some(Self::Inode(found.dev(), found.ino()))
+    }
+
+    #[cfg(not(unix))]
+    fn of(path: &Path) -> Option<Self> {
+        path.canonicalize().ok().map(Self::Path)
+    }
+}
+
+/// What is known of an exported file, to notice a change.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Exported {
+    bytes: u64,
+    /// Time of the last change, nanoseconds since 1970.
+    modified_ns: u128,
+}
+
+impl Exported {
+    fn of(found: &Metadata) -> Self {
+        let modified = found.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+        Self { bytes: found.len(), modified_ns: modified.map_or(0, |time| time.as_nanos()) }
+    }
+}
+
+/// The exported files of a folder, by their path below it with `/`.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub struct ExportRecord {
+    files: BTreeMap<String, Exported>,
+}
+
+impl ExportRecord {
+    /// Reads the record of a folder; without one, or with one that cannot be read, nothing counts as exported.
+    #[must_use]
+    pub fn read(folder: &Path, name: &str) -> Self {
+        let bytes = fs::read(folder.join(name)).unwrap_or_default();
+        serde_json::from_slice(&bytes).unwrap_or_default()
+    }
+
+    /// Writes the record into the folder.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write(&self, folder: &Path, name: &str) -> Result<()> {
+        let path = folder.join(name);
+        disk::write(&path, &serde_json::to_vec_pretty(self)?)
+            .with_context(|| format!("{}: cannot be written; check permissions and free space", path.display()))
+    }
+
+    /// Adds a file of the folder as it is now.
+    pub fn add(&mut self, folder: &Path, file: &Path) {
+        if let (Some(name), Ok(found)) = (name_below(folder, file), fs::metadata(file)) {
+            self.files.insert(name, Exported::of(&found));
+        }
+    }
+
+    /// Whether OSTRA wrote this file of the folder, and if so, whether it is unchanged since.
+    #[must_use]
+    pub fn is_unchanged(&self, folder: &Path, file: &Path) -> Option<bool> {
+        let exported = self.files.get(&name_below(folder, file)?)?;
+        Some(fs::symlink_metadata(file).is_ok_and(|found| found.is_file() && Exported::of(&found) == *exported))
+    }
+}
+
+fn name_below(folder: &Path, file: &Path) -> Option<String> {
+    let below = file.strip_prefix(folder).ok()?;
+    Some(below.components().map(|part| part.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/"))
+}
+
+impl ExportTargets {
+    /// What an export of this project must not touch; `root` is the project's folder.
+    #[must_use]
+    pub fn of(project: &Project, root: Option<&Path>, overwrite: bool) -> Self {
+        let mut sources = BTreeMap::new();
+        for frame in &*project.frames {
+            let depth = frame.depth.as_ref().and_then(|depth| depth.sensor_path());
+            for path in [Some(frame.picture.path()), depth].into_iter().flatten() {
+                if let Some(id) = FileId::of(path) {
+                    sources.entry(id).or_insert_with(|| path.to_owned());
+                }
+            }
+        }
+        let root = root.map(|root| root.canonicalize().unwrap_or_else(|_| root.to_owned()));
+        Self { sources, root, overwrite }
+    }
+
+    /// Refuses files that an export must not replace. A missing file and an empty one may always be written.
+    ///
+    /// # Errors
+    /// One line that names the file, why it is kept, and what to do.
+    pub fn check_files<'a>(&self, files: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+        let mut taken: BTreeMap<String, &Path> = BTreeMap::new();
+        let mut records: BTreeMap<PathBuf, ExportRecord> = BTreeMap::new();
+        for file in files {
+            // Names that differ in case alone are one file on many systems.
+            if let Some(other) = taken.insert(file.to_string_lossy().to_lowercase(), file) {
+                bail!(
+                    "{} and {} would be the same file; choose another name for one of them",
+                    other.display(),
+                    file.display()
+                );
+            }
+            let folder = folder_of(file);
+            let record = records.entry(folder.to_owned()).or_insert_with(|| ExportRecord::read(folder, RECORD));
+            self.check_file(file, folder, record)?;
+        }
+        Ok(())
+    }
+
+    fn check_file(&self, file: &Path, folder: &Path, record: &ExportRecord) -> Result<()> {
+        self.check_outside(file)?;
+        let Ok(found) = fs::symlink_metadata(file) else { return Ok(()) };
+        self.check_source(file)?;
+        if !found.is_file() {
+            let what = if found.is_dir() { "a folder" } else { "a link or a device, not a regular file" };
+            bail!("{}: is {what}; choose another name", file.display());
+        }
+        match record.is_unchanged(folder, file) {
+            Some(true) => Ok(()),
+            Some(false) if self.overwrite => Ok(()),
+            Some(false) => bail!(
+                "{}: was changed since it was exported; choose another name, or give --overwrite to replace it",
+                file.display()
+            ),
+            None if found.len() == 0 => Ok(()),
+            None => bail!(
+                "{}: exists and is not a known export of OSTRA; choose another name, or move the file away",
+                file.display()
+            ),
+        }
+    }
+
+    /// Refuses a folder that holds files of others, and the project's own.
+    ///
+    /// # Errors
+    /// One line that names the folder, the first file that is kept, and what to do.
+    pub fn check_folder(&self, folder: &Path) -> Result<()> {
+        self.check_outside(folder)?;
+        match fs::metadata(folder) {
+            Err(_) => return Ok(()),
+            Ok(found) if !found.is_dir() => bail!("{}: is not a folder; choose another name", folder.display()),
+            Ok(_) => {}
+        }
+        let record = ExportRecord::read(folder, RECORD);
+        let (mut others, mut changed) = (Vec::new(), Vec::new());
+        for file in files_below(folder)? {
+            self.check_source(&file)?;
+            match record.is_unchanged(folder, &file) {
+                Some(true) => {}
+                Some(false) => changed.push(file),
+                None => others.push(file),
+            }
+        }
+        if let Some(first) = others.first() {
+            bail!(
+                "{}: holds {} that OSTRA did not export ({}); choose a new or empty folder",
+                folder.display(),
+                count(others.len()),
+                first.display()
+            );
+        }
+        if let Some(first) = changed.first().filter(|_| !self.overwrite) {
+            bail!(
+                "{}: {} changed since the export ({}); choose another folder, or give --overwrite to replace them",
+                folder.display(),
+                count(changed.len()),
+                first.display()
+            );
+        }
+        Ok(())
+    }
+
+    fn check_source(&self, file: &Path) -> Result<()> {
+        match FileId::of(file).and_then(|id| self.sources.get(&id)) {
+            Some(source) => bail!(
+                "{}: is a source of the project ({}), which is never changed; choose another place",
+                file.display(),
+                source.display()
+            ),
+            None => Ok(()),
+        }
+    }
+
+    fn check_outside(&self, target: &Path) -> Result<()> {
+        let place = resolved(target);
+        let project = self.root.clone().filter(|root| place.starts_with(root)).or_else(|| {
+            // Another project is as little a place for exports as the open one.
+            place.ancestors().skip(1).find(|above| above.join("project.toml").is_file()).map(Path::to_owned)
+        });
+        match project {
+            Some(root) => bail!(
+                "{}: lies inside the project folder {}; choose a place outside it",
+                target.display(),
+                root.display()
+            ),
+            None => Ok(()),
+        }
+    }
+
+    /// Removes what killed exports left in the folders of these files, and notes the files as exported.
+    ///
+    /// # Errors
+    /// When the record cannot be written.
+    pub fn note_files<'a>(files: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+        let mut records: BTreeMap<&Path, ExportRecord> = BTreeMap::new();
+        for file in files {
+            let folder = folder_of(file);
+            records.entry(folder).or_insert_with(|| ExportRecord::read(folder, RECORD)).add(folder, file);
+        }
+        for (folder, record) in records {
+            disk::remove_leftovers(folder, false);
+            record.write(folder, RECORD)?;
+        }
+        Ok(())
+    }
+
+    /// Notes all files of a folder as exported: none were there before but earlier exports.
+    ///
+    /// # Errors
+    /// When the record cannot be written.
+    pub fn note_folder(folder: &Path) -> Result<()> {
+        disk::remove_leftovers(folder, true);
+        let mut record = ExportRecord::default();
+        files_below(folder)?.iter().for_each(|file| record.add(folder, file));
+        record.write(folder, RECORD)
+    }
+}
+
+fn count(files: usize) -> String {
+    if files == 1 { "1 file".into() } else { format!("{files} files") }
+}
+
+fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// All files and links in a folder and those inside it, system files and temporary ones left out, in order.
+///
+/// # Errors
+/// When a folder cannot be read.
+pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    let mut waiting = vec![folder.to_owned()];
+    while let Some(folder) = waiting.pop() {
+        let cannot = || format!("{}: cannot be read; check permissions", folder.display());
+        for entry in fs::read_dir(&folder).with_context(cannot)? {
+            let entry = entry.with_context(cannot)?;
+            let name = entry.file_name();
+            let is_system = SYSTEM_FILES.iter().any(|system| name == *system) || disk::is_temporary(&name);
+            if entry.file_type().with_context(cannot)?.is_dir() {
+                waiting.push(entry.path());
+            } else if !is_system {
+                found.push(entry.path());
+            }
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// The absolute place of a path that may not exist yet: links of what exists are resolved, `..` too.
+fn resolved(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut place = PathBuf::new();
+    for part in absolute.components() {
+        match part {
+            Component::ParentDir => {
+                place.pop();
+            }
+            part => place.push(part),
+        }
+        if let Ok(real) = place.canonicalize() {
+            place = real;
+        }
+    }
+    place
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changed_and_foreign_files_are_kept_and_unchanged_exports_are_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let (mine, notes) = (dir.path().join("a.csv"), dir.path().join("notes.txt"));
+        let check =
+            |overwrite: bool, file: &Path| ExportTargets { overwrite, ..ExportTargets::default() }.check_files([file]);
+        check(false, &mine).unwrap();
+        fs::write(&mine, "exported").unwrap();
+        ExportTargets::note_files([mine.as_path()]).unwrap();
+        check(false, &mine).unwrap();
+        fs::write(&mine, "exported, and a column of remarks").unwrap();
+        assert!(check(false, &mine).unwrap_err().to_string().contains("--overwrite"));
+        check(true, &mine).unwrap();
+        fs::write(&notes, "mine").unwrap();
+        for overwrite in [false, true] {
+            let error = check(overwrite, &notes).unwrap_err().to_string();
+            assert!(error.contains("not a known export"), "{error}");
+        }
+        assert!(check(true, dir.path()).is_err());
+    }
+
+    #[test]
+    fn folders_with_files_of_others_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path().join("masks");
+        let targets = ExportTargets::default();
+        targets.check_folder(&folder).unwrap();
+        fs::create_dir_all(folder.join("below")).unwrap();
+        targets.check_folder(&folder).unwrap();
+        fs::write(folder.join("below/0.png"), "mask").unwrap();
+        ExportTargets::note_folder(&folder).unwrap();
+        targets.check_folder(&folder).unwrap();
+        fs::write(folder.join("mine.txt"), "mine").unwrap();
+        let overwrite = ExportTargets { overwrite: true, ..ExportTargets::default() };
+        assert!(overwrite.check_folder(&folder).unwrap_err().to_string().contains("1 file that OSTRA did not export"));
+    }
+
+    #[test]
+    fn two_outputs_of_one_name_are_refused() {
+        let (a, b) = (Path::new("/out/Leaf.ply"), Path::new("/out/leaf.ply"));
+        assert!(ExportTargets::default().check_files([a, b]).unwrap_err().to_string().contains("same file"));
+    }
+
+    #[test]
+    fn places_inside_a_project_are_refused_by_any_path() {
+        let dir = tempfile::tempdir().unwrap();
+        let root = dir.path().join("project");
+        fs::create_dir(&root).unwrap();
+        fs::write(root.join("project.toml"), "").unwrap();
+        let targets = ExportTargets { root: Some(root.canonicalize().unwrap()), ..ExportTargets::default() };
+        for inside in ["project/c.ply", "project/new/c.ply", "other/../project/c.ply"] {
+            let error = targets.check_files([dir.path().join(inside).as_path()]).unwrap_err().to_string();
+            assert!(error.contains("inside the project folder"), "{error}");
+        }
+        targets.check_files([dir.path().join("c.ply").as_path()]).unwrap();
+        assert!(ExportTargets::default().check_folder(&root.join("masks")).is_err(), "another project's folder");
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(&root, dir.path().join("link")).unwrap();
+            assert!(targets.check_files([dir.path().join("link/c.ply").as_path()]).is_err());
+        }
+    }
+}
