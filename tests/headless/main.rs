@@ -49,6 +49,8 @@ mod fuse;
 #[cfg(test)]
 mod image_inputs;
 #[cfg(test)]
+mod kills;
+#[cfg(test)]
 mod large_coordinates;
 #[cfg(test)]
 mod layouts;

@@ -1,0 +1,116 @@
+//! Runs a target on damaged seeds and reports how many inputs it took, how long the slowest one lasted, and the memory.
+
+use std::path::Path;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use tempfile::TempDir;
+
+use crate::mutate::{Damage, damaged};
+
+/// A valid file of some format: where it is placed, and its content.
+#[derive(Clone)]
+pub struct Seed {
+    /// Path below the folder that the target reads, with `/`.
+    pub path: String,
+    pub bytes: Vec<u8>,
+}
+
+impl Seed {
+    pub fn new(path: &str, bytes: impl Into<Vec<u8>>) -> Self {
+        Self { path: path.to_owned(), bytes: bytes.into() }
+    }
+}
+
+/// What is kept of a run.
+#[derive(Default)]
+struct Figures {
+    executions: u64,
+    slowest: Duration,
+    total: Duration,
+}
+
+/// A fuzz target: a folder, the seeds that are damaged and placed in it, and what reads them.
+pub struct Target<'a, F> {
+    name: &'a str,
+    folder: TempDir,
+    seeds: &'a [Seed],
+    read: F,
+    figures: Mutex<Figures>,
+}
+
+impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
+    /// Makes the target and reads the undamaged seeds.
+    pub fn new(name: &'a str, seeds: &'a [Seed], read: F) -> Self {
+        let folder = tempfile::tempdir_in(scratch()).unwrap();
+        let target = Self { name, folder, seeds, read, figures: Mutex::default() };
+        seeds.iter().for_each(|seed| target.read(seed));
+        target
+    }
+
+    /// Reads one damaged seed and takes the time.
+    pub fn run(&self, damage: &Damage) {
+        let took = self.read(&damaged(self.seeds, damage));
+        let mut figures = self.figures.lock().unwrap();
+        figures.executions += 1;
+        figures.slowest = figures.slowest.max(took);
+        figures.total += took;
+    }
+
+    fn read(&self, seed: &Seed) -> Duration {
+        let folder = self.folder.path();
+        place(folder, seed);
+        let begun = Instant::now();
+        (self.read)(folder, seed);
+        let took = begun.elapsed();
+        std::fs::remove_file(folder.join(&seed.path)).unwrap();
+        took
+    }
+
+    /// Prints how many inputs there were, the slowest one, and the memory.
+    pub fn report(&self) {
+        let figures = self.figures.lock().unwrap();
+        println!(
+            "{}: {} executions in {:.1} s, slowest {:.3} s, peak memory of the process {} MB",
+            self.name,
+            figures.executions,
+            figures.total.as_secs_f64(),
+            figures.slowest.as_secs_f64(),
+            peak_mb()
+        );
+    }
+}
+
+/// Fuzzes a target from within its test, which cargo-bolero finds by its name. `iterations` bounds the inputs of a plain
+/// `cargo test`; `BOLERO_RANDOM_TEST_TIME_MS` replaces that bound by a time.
+macro_rules! fuzz {
+    ($name:expr, $iterations:expr, $seeds:expr, $read:expr) => {{
+        let seeds = $seeds;
+        let target = $crate::harness::Target::new($name, &seeds, $read);
+        let target = std::panic::AssertUnwindSafe(&target);
+        let check = bolero::check!().with_generator(<$crate::mutate::Damage as bolero::TypeGenerator>::produce());
+        let is_timed = std::env::var_os("BOLERO_RANDOM_TEST_TIME_MS").is_some();
+        let check = if is_timed { check } else { check.with_iterations($iterations) };
+        check.for_each(|damage: &$crate::mutate::Damage| target.run(damage));
+        target.report();
+    }};
+}
+pub(crate) use fuzz;
+
+fn place(folder: &Path, seed: &Seed) {
+    let path = folder.join(&seed.path);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(path, &seed.bytes).unwrap();
+}
+
+/// A folder in memory where there is one: a target writes thousands of files a second.
+pub fn scratch() -> std::path::PathBuf {
+    let memory = Path::new("/dev/shm");
+    if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() }
+}
+
+fn peak_mb() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).unwrap_or(0) / 1024
+}

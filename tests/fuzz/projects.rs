@@ -1,0 +1,203 @@
+//! Whole project folders with one damaged file, and recipes.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use glam::DVec2;
+use image::{ImageBuffer, Luma};
+use ostra::frames::cameras::IntrinsicsSource;
+use ostra::frames::{FrameFolder, OpenRequest};
+use ostra::masks::LabelId;
+use ostra::scene::fuse::read_votes;
+use ostra::session::{Command, Event, FuseRequest, NewProject, PaintRequest, Recipe, Session};
+use tempfile::TempDir;
+
+use crate::harness::{Seed, fuzz, scratch};
+use crate::seeds;
+
+/// A project of two RGB-D frames with a label, masks, a cloud and some history, and the folder of its images.
+struct Sample {
+    folder: TempDir,
+    files: Vec<Seed>,
+}
+
+fn sample() -> &'static Sample {
+    static SAMPLE: OnceLock<Sample> = OnceLock::new();
+    SAMPLE.get_or_init(|| {
+        let folder = tempfile::tempdir_in(scratch()).unwrap();
+        let root = folder.path().join("project");
+        make_project(folder.path(), &root);
+        let mut files = Vec::new();
+        collect(&root, &root, &mut files);
+        std::fs::remove_dir_all(&root).unwrap();
+        assert!(files.len() > 6, "{:?}", files.iter().map(|file| &file.path).collect::<Vec<_>>());
+        Sample { folder, files }
+    })
+}
+
+fn make_project(folder: &Path, root: &Path) {
+    for name in ["color", "depth", "pose"] {
+        std::fs::create_dir(folder.join(name)).unwrap();
+    }
+    for k in 0..2 {
+        std::fs::write(folder.join(format!("color/{k}.png")), seeds::color_png()).unwrap();
+        let depth: ImageBuffer<Luma<u16>, Vec<u16>> = ImageBuffer::from_pixel(16, 12, Luma([1000]));
+        depth.save(folder.join(format!("depth/{k}.png"))).unwrap();
+        let pose = format!("1 0 0 {}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", 0.02 * f64::from(k));
+        std::fs::write(folder.join(format!("pose/{k}.txt")), pose).unwrap();
+    }
+    let sources = vec![FrameFolder { frames: folder.join("color"), depth: Some(folder.join("depth")) }];
+    let new = NewProject {
+        root: root.to_owned(),
+        open: OpenRequest { sources, ..OpenRequest::default() },
+        cameras: Some(folder.join("pose")),
+        intrinsics: Some(IntrinsicsSource::Values([20.0, 20.0, 8.0, 6.0])),
+    };
+    let mut session = Session::new();
+    let add = |name: &str| Command::AddLabel { name: name.into(), parent: None, color: None };
+    for command in [Command::New(new), add("leaf"), paint(), Command::Fuse(FuseRequest::default())] {
+        done(&mut session, command);
+    }
+    session.save().unwrap();
+    for command in [add("stem"), add("root"), Command::Undo] {
+        done(&mut session, command);
+    }
+}
+
+fn paint() -> Command {
+    let points_px = vec![DVec2::new(4.0, 4.0), DVec2::new(10.0, 6.0)];
+    Command::Paint(PaintRequest {
+        frame: 0,
+        label: LabelId(1),
+        points_px,
+        radius_px: 2.0,
+        erase: false,
+        replace: true,
+        snap: false,
+    })
+}
+
+fn done(session: &mut Session, command: Command) {
+    session.act(command).unwrap();
+    let events = session.settle(|_| ControlFlow::Continue(()));
+    assert!(!events.iter().any(|event| matches!(event, Event::Failed { .. })), "{events:?}");
+}
+
+fn collect(root: &Path, folder: &Path, files: &mut Vec<Seed>) {
+    let mut entries: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    entries.sort();
+    for path in entries {
+        if path.is_dir() {
+            collect(root, &path, files);
+        } else {
+            let below = path.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
+            files.push(Seed::new(&below, std::fs::read(&path).unwrap()));
+        }
+    }
+}
+
+/// Settles what is running; a panic of a job is a finding.
+fn settle(session: &mut Session) {
+    for event in session.settle(|_| ControlFlow::Continue(())) {
+        if let Event::Failed { error, .. } = event {
+            assert!(!error.contains("panic") && !error.contains("unexpected fault"), "{error}");
+        }
+    }
+}
+
+/// Opens the project, edits it, fuses again and saves; whatever fails must fail with a message.
+fn use_project(root: &Path) {
+    let mut session = Session::new();
+    if session.act(Command::Open(root.to_owned())).is_err() {
+        return;
+    }
+    settle(&mut session);
+    let frames = session.project().map_or(0, |project| project.frames.len());
+    for frame in 0..frames.min(3) {
+        let frame = session.project().map(|project| project.frames[frame].clone());
+        let _ = frame.map(|frame| (session.store().image(&frame), session.store().depth(&frame)));
+    }
+    let add = Command::AddLabel { name: "fuzzed".into(), parent: None, color: None };
+    for command in [add, paint(), Command::Undo, Command::Redo, Command::Fuse(FuseRequest::default())] {
+        let _ = session.act(command);
+        settle(&mut session);
+    }
+    let _ = session.save();
+}
+
+#[test]
+fn project_folders() {
+    let sample = sample();
+    let images = || std::fs::read(sample.folder.path().join("color/0.png")).unwrap();
+    let before = images();
+    fuzz!("project folders", 400, sample.files.clone(), |folder, damaged| {
+        for file in sample.files.iter().filter(|file| file.path != damaged.path) {
+            let path = folder.join(&file.path);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, &file.bytes).unwrap();
+        }
+        use_project(folder);
+        assert!(images() == before, "a source image was changed");
+        clear(folder);
+        // The harness removes the damaged file.
+        let path = folder.join(&damaged.path);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, "").unwrap();
+    });
+}
+
+fn clear(folder: &Path) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() { std::fs::remove_dir_all(path).unwrap() } else { std::fs::remove_file(path).unwrap() }
+    }
+}
+
+#[test]
+fn votes() {
+    let votes = sample().files.iter().filter(|file| file.path.contains("votes")).cloned().collect::<Vec<_>>();
+    fuzz!("votes", 10_000, votes, |_, seed| {
+        let _ = read_votes(seed.bytes.as_slice());
+    });
+}
+
+/// Steps of a recipe that touch nothing but the open project.
+#[test]
+fn recipes() {
+    let text = r#"{"format":1,"commands":[{"add_label":{"name":"a","parent":null,"color":[1,2,3]}},
+{"paint":{"frame":0,"label":1,"points_px":[[5,5],[9,8]],"radius_px":3,"erase":false,"replace":true,"snap":true}},
+{"prompt":{"frame":1,"label":1,"clicks":[{"x":5,"y":5,"positive":true}]}},
+{"tidy":{"frame":0,"label":1,"holes_below":5,"islands_below":5}},"undo","redo"]}"#;
+    let sample = sample();
+    let root = sample.folder.path().join("for recipes");
+    for file in &sample.files {
+        let path = root.join(&file.path);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, &file.bytes).unwrap();
+    }
+    fuzz!("recipes", 3000, [Seed::new("recipe.json", text)], |_, seed| {
+        let Ok(recipe) = serde_json::from_slice::<Recipe>(&seed.bytes) else { return };
+        let mut session = Session::new();
+        session.act(Command::Open(root.clone())).unwrap();
+        settle(&mut session);
+        for command in recipe.commands {
+            use Command as C;
+            let stays_inside = matches!(
+                command,
+                C::AddLabel { .. }
+                    | C::Paint(_)
+                    | C::Prompt(_)
+                    | C::Tidy(_)
+                    | C::Trace(_)
+                    | C::Undo
+                    | C::Redo
+                    | C::Range(_)
+            );
+            if stays_inside {
+                let _ = session.act(command);
+                settle(&mut session);
+            }
+        }
+    });
+}
