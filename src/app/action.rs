@@ -411,7 +411,7 @@ const LIST: &[Row] = {
         A::Suggest, RUN, false, "Look for unlabelled objects", "Offers areas without a label that move or stand apart", ctrl(Key::L);
         A::Propose, RUN, false, "Propose things on this frame", "Offers all that Segment Anything takes for a thing on this frame", ctrl_shift(Key::L);
         A::Reconstruct, RUN, true, "Reconstruct", "Makes cameras and depths with the settings of the Reconstruct panel", plain(Key::R);
-        A::SetScale, RUN, false, "Set scale by ruler", "Makes cameras and points larger or smaller until the ruler's two points are as far apart as they really are", None;
+        A::SetScale, RUN, false, "Set scale by ruler", "Scales cameras, depths, cloud and surface together until the ruler's two points are as far apart as they really are", None;
         A::Fuse, RUN, false, "Fuse", "Makes the labelled cloud: every point takes the label most views vote for", plain(Key::U);
         A::Stop, RUN, true, "Stop", "Stops what is running; what is finished is kept", None;
         A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke, polygon or thin structure; otherwise closes the window of matches, or stops what is running", plain(Key::Escape);

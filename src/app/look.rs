@@ -103,6 +103,12 @@ impl Look<'_> {
         proposed.or(self.root.map(|_| &self.project.labels)).cloned()
     }
 
+    /// Whether lengths can be given in metres: where the scale is known, and of a PLY alone, whose unit the user knows.
+    #[must_use]
+    pub fn may_be_metric(&self) -> bool {
+        self.unit != LengthUnit::World || self.inspected.is_some()
+    }
+
     /// The job of this title, where one runs.
     #[must_use]
     pub fn running(&self, title: &str) -> Option<&JobView> {

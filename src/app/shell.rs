@@ -39,6 +39,12 @@ impl Shell {
         self.scene.clear();
     }
 
+    /// Follows a scene whose lengths were multiplied: the 3-D view shows the same part of it.
+    pub fn scale_by(&mut self, factor: f64) {
+        self.view.scale_by(factor);
+        self.scene.scale_by(factor as f32);
+    }
+
     /// Draws the whole window; what the user asked for comes back as commands, in order.
     pub fn ui(&mut self, ui: &mut Ui, look: &Look<'_>) -> Vec<Command> {
         let (mut out, mut wishes) = (Vec::new(), Vec::new());

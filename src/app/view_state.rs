@@ -303,11 +303,22 @@ impl ViewState {
     pub fn keep_valid(&mut self, look: &Look<'_>) {
         let last = look.project.frames.len().saturating_sub(1);
         self.frame = self.frame.min(last);
+        self.measures.keep_valid(look);
         self.range = self.range.filter(|&(_, to)| to <= last);
         self.copied = self.copied.filter(|(label, _)| look.project.labels.get(*label).is_some());
         if self.label.is_none_or(|label| look.project.labels.get(label).is_none()) {
             self.label = look.project.labels.iter().next().map(|label| label.id);
         }
+    }
+
+    /// Follows a scene whose lengths were multiplied: what was measured or typed in its unit stays what it was.
+    pub fn scale_by(&mut self, factor: f64) {
+        self.ruler.scale_by(factor);
+        self.measures.scale_by(factor);
+        self.fuse.voxel = self.fuse.voxel.map(|voxel| voxel * factor);
+        // Points are chosen by what a camera saw where it stood before.
+        self.scene_select.steps.clear();
+        self.asked = None;
     }
 
     /// Settings that carry the chosen label anew around the shown frame; none where that is no anchor with room around

@@ -13,6 +13,7 @@ use crate::frames::{FilmOptions, Frame};
 use crate::session::export_targets::ExportTargets;
 use crate::session::{
     Command, Engine, Estimate, Event, Pictures, Project, Provider, Recent, Row, Session, engines, list_models,
+    scale_between,
 };
 use crate::view::{Portrait, write_png};
 
@@ -233,6 +234,9 @@ impl Window {
         let frames = &self.session.project().unwrap_or(&self.nothing).frames;
         if Arc::ptr_eq(frames, &self.pictured) {
             return;
+        }
+        if let Some(factor) = scale_between(&self.pictured, frames) {
+            self.shell.scale_by(factor);
         }
         let (waker, store) = (ctx.clone(), Arc::clone(self.session.store()));
         self.layers = Some(layers_of(Arc::clone(frames), store, move || waker.request_repaint()));

@@ -8,6 +8,7 @@ use super::mask_args::{GroundArgs, MasksArgs, PromptArgs, TidyArgs, TraceArgs};
 use super::values;
 use crate::frames::cameras::IntrinsicsSource;
 use crate::scene::instances::InstanceOptions;
+use crate::scene::measure::LengthUnit;
 use crate::session::AdoptRequest;
 use crate::session::Provider;
 
@@ -307,9 +308,12 @@ pub(super) struct ReconstructArgs {
 pub(super) struct ScaleArgs {
     /// The project's folder.
     pub project: PathBuf,
-    /// The known length, in the unit that the scene shall have.
+    /// The known length. Everything that the project has made is scaled with it, in one step that can be undone.
     #[arg(long, value_name = "L", value_parser = values::positive)]
     pub length: f64,
+    /// What the length is given in: m, cm or mm.
+    #[arg(long, default_value = "m", value_parser = values::metric_unit)]
+    pub unit: LengthUnit,
     /// Where a frame sees the one end: frame, x, y; for two frames or more.
     #[arg(long, value_name = "K,X,Y", value_parser = values::sighting, required = true)]
     pub from: Vec<(usize, DVec2)>,

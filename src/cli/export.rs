@@ -54,7 +54,7 @@ pub(super) struct ExportArgs {
     /// Tell the angle between these two labels where they meet too. May be given more than once.
     #[arg(long, value_names = ["LABEL", "LABEL"], num_args = 2, requires = "traits")]
     pub angle: Vec<String>,
-    /// Tell lengths in m, cm, mm, or the scene's own units.
+    /// Give lengths in m, cm or mm (of a scene whose scale is known), or in the scene's own units.
     #[arg(long, requires = "traits", value_parser = values::length_unit)]
     pub unit: Option<LengthUnit>,
     /// Read deeper labels as their ancestor at this depth (1 = top).

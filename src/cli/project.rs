@@ -77,7 +77,8 @@ pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {
 
 pub(super) fn scale(args: ScaleArgs) -> Result<()> {
     let ends = [ScaleEnd::Seen(args.from), ScaleEnd::Seen(args.to)];
-    Driver::open(&args.project)?.act_and_save([Command::Scale(ScaleRequest { ends, length: args.length })])
+    Driver::open(&args.project)?
+        .act_and_save([Command::Scale(ScaleRequest { ends, length: args.unit.metres(args.length) })])
 }
 
 pub(super) fn fuse(args: FuseArgs) -> Result<()> {

@@ -38,6 +38,14 @@ pub(super) fn length_unit(text: &str) -> Result<LengthUnit, String> {
         .ok_or_else(|| format!("a unit is {} or {}", signs(), LengthUnit::World.sign()))
 }
 
+/// The sign of a metric unit.
+pub(super) fn metric_unit(text: &str) -> Result<LengthUnit, String> {
+    length_unit(text).ok().filter(|&unit| unit != LengthUnit::World).ok_or_else(|| {
+        let [m, cm, mm] = LengthUnit::METRIC.map(LengthUnit::sign);
+        format!("a known length is given in {m}, {cm} or {mm}")
+    })
+}
+
 /// `WxH` in pixels, 16 to 8192 each.
 pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
     let parsed = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));

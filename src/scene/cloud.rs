@@ -69,6 +69,13 @@ impl LabelledCloud {
         }
     }
 
+    /// Multiplies all positions by a factor above 0, about the origin of the world.
+    pub fn scale_by(&mut self, factor: f64) {
+        for position in &mut self.positions {
+            *position = (position.as_dvec3() * factor).as_vec3();
+        }
+    }
+
     /// Adds an unlabelled point without a normal.
     pub(crate) fn push(&mut self, position: glam::Vec3, color: [u8; 3]) {
         self.positions.push(position);

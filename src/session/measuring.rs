@@ -2,8 +2,7 @@ use std::cell::Cell;
 use std::sync::{Arc, Weak};
 
 use super::jobs::{Kind, Landing};
-use super::{JobId, Project, ResultKind, Session};
-use crate::frames::Frame;
+use super::{JobId, Session};
 use crate::masks::{LabelId, LabelTree};
 use crate::scene::LabelledCloud;
 use crate::scene::measure::{GroundChoice, LengthUnit, MeasureOptions, TraitRow, measure};
@@ -62,10 +61,12 @@ impl Session {
         self.measuring.rows.as_ref().filter(|_| same)
     }
 
-    /// What lengths of the open project are told in: metres where depths, given cameras or a set scale tell them.
+    /// Unit of lengths in what the 3-D view shows: metres where depths, given cameras or a known length give the scale. A
+    /// cloud that is older than the scale of the cameras has no unit.
     #[must_use]
     pub fn length_unit(&self) -> LengthUnit {
-        self.project().map_or(LengthUnit::World, |project| length_unit(project))
+        let Some(project) = self.project() else { return LengthUnit::World };
+        if self.growing_cloud().is_some() { project.coordinates().unit } else { project.cloud_unit() }
     }
 
     /// The cloud to measure, the tree that its labels lie in, and what of both measures depend on.
@@ -105,14 +106,4 @@ impl Session {
 /// The cloud under a tree; copied only where it is another than its own.
 pub(super) fn under(cloud: &Arc<LabelledCloud>, tree: LabelTree) -> Arc<LabelledCloud> {
     if cloud.tree == tree { Arc::clone(cloud) } else { Arc::new(LabelledCloud { tree, ..LabelledCloud::clone(cloud) }) }
-}
-
-/// As [`Session::length_unit`].
-fn length_unit(project: &Project) -> LengthUnit {
-    let measured = project.frames.iter().any(Frame::has_sensor_depth);
-    let free = |record: &super::ResultRecord| record.engine == "sfm" && !record.settings.contains("scaled by");
-    match project.results.get(&ResultKind::Cameras).is_some_and(free) && !measured {
-        true => LengthUnit::World,
-        false => LengthUnit::Metre,
-    }
 }

@@ -11,6 +11,7 @@ mod cloud;
 mod command;
 mod commands;
 mod contradicted;
+mod coordinates;
 mod correction;
 pub mod demo;
 mod doubt;
@@ -59,6 +60,7 @@ pub use crate::engine::nn::{Added, CheckedFile, Fetched, Installed, Proof, Provi
 pub use adopt_request::AdoptRequest;
 pub use angles::Angles;
 pub use command::{Command, NewProject, Recipe, TrackSettings};
+pub use coordinates::{Coordinates, scale_between};
 pub use correction::{CloudChange, CloudCorrection};
 pub use drawings::Drawings;
 pub use edit::Edit;

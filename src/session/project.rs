@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::Marks;
+use super::{Coordinates, FuseRequest, Marks};
 use crate::frames::Frame;
 use crate::masks::{LabelId, LabelTree, Prompt, RunMask};
 
@@ -65,7 +65,7 @@ pub enum ResultKind {
 }
 
 /// How a result was made (provenance), and whether it still fits what it was made from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ResultRecord {
     /// What made it, e.g. `geometry`, `given`, `fuse`.
     pub engine: String,
@@ -89,6 +89,15 @@ pub struct ResultRecord {
     /// A cloud's: a digest of all that its points were made of. While it stays, changed masks only vote again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<String>,
+    /// What its lengths were multiplied by since it was made, by setting the scale; `None` = by nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scaled: Option<f64>,
+    /// Of cameras and clouds: what their positions are measured in; `None` in records of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coordinates: Option<Coordinates>,
+    /// A cloud's: what was asked for, with lengths in the unit that it has now.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub request: Option<FuseRequest>,
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference")]

@@ -76,7 +76,7 @@ fn auto() -> String {
 pub struct ScaleRequest {
     /// Its two ends.
     pub ends: [ScaleEnd; 2],
-    /// How far they are apart, in the unit that the scene shall have.
+    /// How far they are apart, metres.
     pub length: f64,
 }
 
@@ -149,7 +149,7 @@ pub struct ExportRequest {
     /// Pairs of labels whose angle is told too, a row for each piece of the first.
     #[serde(default)]
     pub angles: Vec<[LabelId; 2]>,
-    /// What their lengths are told in; that of the scene when absent.
+    /// The unit of their lengths; that of the cloud when absent. A metric unit needs a scene whose scale is known.
     #[serde(default)]
     pub unit: Option<LengthUnit>,
     /// Read labels deeper than this as their ancestor there.

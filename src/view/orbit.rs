@@ -89,6 +89,12 @@ impl Orbit {
         self.distance = distance;
     }
 
+    /// Follows a scene whose lengths were multiplied by a factor above 0: the picture stays the same.
+    pub fn scale_by(&mut self, factor: f32) {
+        self.target *= factor;
+        self.distance *= factor;
+    }
+
     /// Circles around another point from now on, which moves to the middle of the picture.
     pub fn recentre(&mut self, target: Vec3) {
         self.target = target;

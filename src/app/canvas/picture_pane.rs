@@ -87,7 +87,7 @@ fn layer(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, ma
             paint::texture(&ui.painter_at(map.pane), map, textures.picture(ui.ctx(), &drawn.image).id());
             if let Some(range) = drawn.range {
                 let title = match view.layer {
-                    Layer::Depth => format!("Depth, {}", look.unit.sign()),
+                    Layer::Depth => format!("Depth, {}", look.project.depth_unit(view.frame).sign()),
                     other => other.text().into(),
                 };
                 legend(ui, map, &title, range);

@@ -143,7 +143,7 @@ pub(in crate::app) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, 
         options_ui(ui, &mut view.export);
         ui.horizontal(|ui| {
             ui.label("Traits in");
-            unit_ui(ui, "Unit of traits", &mut view.measures.unit, look.unit);
+            unit_ui(ui, "Unit of traits", &mut view.measures.unit, look);
             ground_ui(ui, look, &view.ruler, &mut view.measures.wish.ground);
         });
         ui.add_space(8.0);

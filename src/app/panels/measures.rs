@@ -33,6 +33,18 @@ pub struct MeasureView {
 }
 
 impl MeasureView {
+    /// Drops a metric unit where lengths have none.
+    pub fn keep_valid(&mut self, look: &Look<'_>) {
+        self.unit = self.unit.filter(|_| look.may_be_metric());
+    }
+
+    /// Follows a scene whose lengths were multiplied.
+    pub fn scale_by(&mut self, factor: f64) {
+        if let GroundChoice::Plane { offset, .. } = &mut self.wish.ground {
+            *offset *= factor;
+        }
+    }
+
     /// The two labels of each angle that is told.
     pub fn pairs(&self) -> impl Iterator<Item = [LabelId; 2]> {
         self.angles.iter().filter_map(AngleChoice::pair)
@@ -120,7 +132,7 @@ fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         ui.add_space(8.0);
         ground_ui(ui, look, &view.ruler, &mut view.measures.wish.ground);
         ui.add_space(8.0);
-        unit_ui(ui, "Unit", &mut view.measures.unit, look.unit);
+        unit_ui(ui, "Unit", &mut view.measures.unit, look);
         ui.add_space(8.0);
         add_angle_ui(ui, view.label, &mut view.measures.angles);
         let button = ui.add_enabled(look.traits.is_some(), Button::new("Export CSV…"));
@@ -183,15 +195,20 @@ fn plane_ui(ui: &mut Ui, normal: &mut [f64; 3], offset: &mut f64) {
         .accessible_name("Offset");
 }
 
-/// The unit that lengths are told in; `None` = the scene's own.
-pub(in crate::app) fn unit_ui(ui: &mut Ui, name: &str, chosen: &mut Option<LengthUnit>, of_scene: LengthUnit) {
+/// The unit that lengths are shown in; `None` = the scene's own. Metric units are offered where the scale is known.
+pub(in crate::app) fn unit_ui(ui: &mut Ui, name: &str, chosen: &mut Option<LengthUnit>, look: &Look<'_>) {
+    let of_scene = look.unit;
     let mut unit = chosen.unwrap_or(of_scene);
+    let metric = if look.may_be_metric() { &LengthUnit::METRIC[..] } else { &[] };
     let choice = ComboBox::from_id_salt("unit").selected_text(unit.sign()).width(60.0).show_ui(ui, |ui| {
-        for other in LengthUnit::METRIC.into_iter().chain([LengthUnit::World]) {
+        for other in metric.iter().copied().chain([LengthUnit::World]) {
             ui.selectable_value(&mut unit, other, other.sign());
         }
     });
-    let tip = "The unit of lengths; 'units' are those of a scene whose scale nobody told";
+    let tip = match look.may_be_metric() {
+        true => "The unit of lengths; 'units' are the scene's own",
+        false => "The scale of this scene is not known: measure a known length with the ruler and set the scale",
+    };
     choice.response.on_hover_text(tip).accessible_name(name);
     *chosen = (unit != of_scene).then_some(unit);
 }

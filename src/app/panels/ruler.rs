@@ -1,4 +1,4 @@
-use egui::{DragValue, Key, Ui};
+use egui::{ComboBox, DragValue, Key, Ui};
 use glam::Vec3;
 
 use super::measures::unit_ui;
@@ -29,8 +29,10 @@ pub struct Ruler {
     pub kind: RulerKind,
     /// In world units, in the order of the clicks.
     pub points: Vec<Vec3>,
-    /// The known length; 0 = not said yet.
+    /// The known length; 0 = not given yet.
     pub length: f64,
+    /// What the known length is given in.
+    pub length_unit: LengthUnit,
 }
 
 impl Ruler {
@@ -89,7 +91,15 @@ impl Ruler {
     pub fn command(&self) -> Option<Command> {
         let (RulerKind::Length, &[a, b]) = (self.kind, &self.points[..]) else { return None };
         let ends = [a, b].map(|end| ScaleEnd::World(end.as_dvec3()));
-        (self.length > 0.0 && a != b).then_some(Command::Scale(ScaleRequest { ends, length: self.length }))
+        let length = self.length_unit.metres(self.length);
+        (length > 0.0 && a != b).then_some(Command::Scale(ScaleRequest { ends, length }))
+    }
+
+    /// Follows a scene whose lengths were multiplied.
+    pub fn scale_by(&mut self, factor: f64) {
+        for point in &mut self.points {
+            *point = (point.as_dvec3() * factor).as_vec3();
+        }
     }
 
     fn hint(&self) -> &'static str {
@@ -110,7 +120,7 @@ pub(super) fn ruler_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishe
     }
     kind_ui(ui, &mut view.ruler);
     if view.ruler.kind == RulerKind::Length {
-        unit_ui(ui, "Ruler unit", &mut view.measures.unit, look.unit);
+        unit_ui(ui, "Ruler unit", &mut view.measures.unit, look);
     }
     match view.ruler.value() {
         Some((value, dimension)) => {
@@ -163,7 +173,14 @@ fn undo_ui(ui: &mut Ui, ruler: &mut Ruler) {
 fn scale_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Action>) {
     ui.label("is really");
     let length = DragValue::new(&mut view.ruler.length).range(0.0..=1e9).speed(0.01).max_decimals(6);
-    ui.name_inputs("Known length", |ui| ui.add(length)).on_hover_text("In the unit that the scene shall have");
+    ui.name_inputs("Known length", |ui| ui.add(length)).on_hover_text("How far the two points are apart in reality");
+    let unit = &mut view.ruler.length_unit;
+    let choice = ComboBox::from_id_salt("known length unit").selected_text(unit.sign()).width(50.0).show_ui(ui, |ui| {
+        for metric in LengthUnit::METRIC {
+            ui.selectable_value(unit, metric, metric.sign());
+        }
+    });
+    choice.response.on_hover_text("The unit of the known length").accessible_name("Unit of the known length");
     let possible = view.ruler.command().is_some();
     if action_button(ui, &view.prefs.shortcuts, Action::SetScale, "Set scale", possible).clicked() {
         wishes.push(Action::SetScale);

@@ -84,6 +84,25 @@ impl ScenePane {
         self.zoom_anchor = None;
     }
 
+    /// Follows a scene whose lengths were multiplied, so that the view stays the same.
+    pub fn scale_by(&mut self, factor: f32) {
+        self.orbit.iter_mut().chain(&mut self.through).for_each(|orbit| orbit.scale_by(factor));
+        self.framed.centre *= factor;
+        self.framed.radius *= factor;
+        if let Some(extent) = &mut self.framed.extent {
+            *extent = Bounds { min: extent.min * factor, max: extent.max * factor };
+        }
+        // What was looked for before lies elsewhere now.
+        self.picks = ScenePicks::default();
+        self.zoom_anchor = None;
+    }
+
+    /// Where the scene is seen from; `None` before there is something to see.
+    #[must_use]
+    pub fn orbit(&self) -> Option<Orbit> {
+        self.orbit
+    }
+
     /// The tool bar and the view.
     pub(in crate::app) fn ui(
         &mut self,

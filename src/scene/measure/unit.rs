@@ -64,6 +64,12 @@ impl LengthUnit {
         }
     }
 
+    /// A length in this unit, in metres.
+    #[must_use]
+    pub fn metres(self, length: f64) -> f64 {
+        length / self.per_world_unit()
+    }
+
     /// A value in world units, their squares or cubes, in this unit; counts and angles stay.
     #[must_use]
     pub fn value(self, value: f64, dimension: Dimension) -> f64 {

@@ -12,13 +12,14 @@ use crate::frames::{DepthSource, Frame, FrameCamera, FrameStore};
 use crate::masks::LabelId;
 use crate::scene::rgbd::{Calibration, FrameLink, RgbdOptions, RgbdRequest, RgbdResult, calibrate, register_rgbd};
 use crate::scene::sfm::{
-    FeatureExtractor, FeatureMatcher, MapperOptions, Outcome, PairOptions, SfmRequest, SfmResult, structure_from_motion,
+    FeatureExtractor, FeatureMatcher, MapperOptions, Outcome, PairOptions, SfmRequest, SfmResult, Start,
+    structure_from_motion,
 };
 use crate::session::engines::{extractor, matcher, registration};
 use crate::session::growing::Placed;
 use crate::session::jobs::Link;
 use crate::session::store::{save_links, save_outcomes, sparse_path, sync_folder};
-use crate::session::{Edit, Event, Project, ReconstructRequest, ResultKind, ResultRecord, Session};
+use crate::session::{Coordinates, Edit, Event, Project, ReconstructRequest, ResultKind, ResultRecord, Session};
 
 /// What becomes of poses that frames have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,15 +77,20 @@ struct Cameras {
     links: Vec<FrameLink>,
     /// Cameras of pictures that were found not to lie on their depths.
     calibrations: Vec<Calibration>,
+    /// Whether they stand in the coordinates of poses that were kept.
+    is_anchored: bool,
+    /// Whether lengths are metres, where they are not anchored.
+    is_metric: bool,
     stopped: bool,
 }
 
 impl From<SfmResult> for Cameras {
     fn from(result: SfmResult) -> Self {
         let (engine, settings) = ("sfm", settings(&result));
+        let (is_anchored, is_metric) = (result.start == Start::Given, result.scale.is_some());
         let SfmResult { cameras, sparse, outcomes, stopped, .. } = result;
         let (links, calibrations) = Default::default();
-        Self { engine, settings, cameras, sparse, outcomes, links, calibrations, stopped }
+        Self { engine, settings, cameras, sparse, outcomes, links, calibrations, is_anchored, is_metric, stopped }
     }
 }
 
@@ -99,8 +105,9 @@ impl From<(RgbdResult, Vec<Calibration>)> for Cameras {
             settings += &format!(", {contradicted} contradicted by the others");
         }
         calibrations.iter().for_each(|calibration| settings += &format!("; {calibration}"));
-        let sparse = SparsePoints::default();
-        Self { engine: "rgbd", settings, cameras, sparse, outcomes, links, calibrations, stopped }
+        let (sparse, is_anchored, is_metric) = (SparsePoints::default(), false, true);
+        let engine = "rgbd";
+        Self { engine, settings, cameras, sparse, outcomes, links, calibrations, is_anchored, is_metric, stopped }
     }
 }
 
@@ -142,7 +149,12 @@ impl CameraWork {
         }
         save(&sparse_path(&self.root, self.version), frames, &result)?;
         sync_folder(&self.root.join("versions"))?;
-        let record = record(&result, begun.elapsed(), self.version);
+        let coordinates = match result.is_anchored && poses == Poses::Kept {
+            true => self.project.coordinates(),
+            false => Coordinates::chosen_with(self.version, result.is_metric),
+        };
+        let record =
+            ResultRecord { version: self.version, coordinates: Some(coordinates), ..record(&result, begun.elapsed()) };
         Ok(FoundCameras {
             notice: format!("cameras: {}", record.settings),
             warnings: unplaced(frames, &result),
@@ -283,16 +295,14 @@ fn camera(known: &Frame, found: Option<&FrameCamera>, poses: Poses) -> Option<Fr
     }
 }
 
-fn record(result: &Cameras, took: Duration, version: u64) -> ResultRecord {
+fn record(result: &Cameras, took: Duration) -> ResultRecord {
     ResultRecord {
         engine: result.engine.into(),
         frames: result.cameras.len(),
         seconds: took.as_secs_f64(),
         stale: false,
         settings: result.settings.clone(),
-        version,
-        voxel: None,
-        geometry: None,
+        ..ResultRecord::default()
     }
 }
 

@@ -32,7 +32,7 @@ pub(super) struct Sources {
     /// Where the surface lies that was made with the cloud, and the edge of its voxels.
     pub(super) surface: Option<(PathBuf, f64)>,
     votes_file: Option<PathBuf>,
-    /// Of lengths in the scene.
+    /// Of lengths in the cloud and its surface.
     unit: LengthUnit,
     /// What the cloud was made of has changed since.
     is_stale: bool,
@@ -66,7 +66,8 @@ impl Session {
         let votes_file = version.and_then(|version| Some(votes_path(root.as_deref()?, version)));
         let store = Arc::clone(&self.store);
         let (cloud, cloud_votes) = (self.cloud().cloned(), self.votes().cloned());
-        let (surface, unit) = (self.surface_file(), self.length_unit());
+        let surface = self.surface_file();
+        let unit = if inspecting { LengthUnit::World } else { project.cloud_unit() };
         let is_stale = project.results.get(&ResultKind::Cloud).is_some_and(|record| record.stale);
         let follows = is_stale && self.follows();
         Ok(Sources {
@@ -109,8 +110,21 @@ fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
         "no frame has depth; give depth pictures first"
     );
     mask_format(request)?;
+    check_unit(request, sources)?;
     ensure!(request.level != Some(0), "levels count from 1, the top level");
     Ok(())
+}
+
+/// Refuses metric lengths of a cloud whose scale is not known. Of a PLY that is inspected alone the user knows the unit.
+fn check_unit(request: &ExportRequest, sources: &Sources) -> Result<()> {
+    let is_known = sources.unit != LengthUnit::World || sources.root.is_none();
+    let Some(unit) = request.unit.filter(|&unit| unit != LengthUnit::World && !is_known) else { return Ok(()) };
+    let scaled = sources.project.coordinates().unit != LengthUnit::World;
+    let what = match scaled {
+        true => "the cloud is older than the scale of the cameras; fuse again",
+        false => "set it by a known length ('ostra scale', or the ruler of the 3-D view), or leave the unit out",
+    };
+    bail!("traits cannot be given in {}, the scale of the cloud is not known: {what}", unit.sign())
 }
 
 /// Writes what was asked for; returns what the user should know.

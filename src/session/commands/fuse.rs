@@ -9,7 +9,7 @@ use super::surface::{Made, Sources};
 use super::voted_before::{VotedBefore, geometry_digest};
 use crate::engine::disk::AtomicFile;
 use crate::engine::job::Progress;
-use crate::frames::{Frame, FrameStore};
+use crate::frames::{DepthSource, Frame, FrameStore};
 use crate::masks::Label;
 use crate::scene::fuse::{
     Dropped, FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto, vote_seen, write_votes,
@@ -18,7 +18,7 @@ use crate::scene::ply::{Coloring, read_ply, save_ply};
 use crate::scene::stereo::{DenseCloud, FusionOptions, ViewOutcome, fuse_depths};
 use crate::session::jobs::{Kind, Landing};
 use crate::session::store::{DepthFolder, cloud_path, sync_folder, version_in_force, votes_path};
-use crate::session::{Edit, Event, FuseRequest, JobId, Project, ResultKind, ResultRecord, Session};
+use crate::session::{Coordinates, Edit, Event, FuseRequest, JobId, Project, ResultKind, ResultRecord, Session};
 
 impl Session {
     pub(in crate::session) fn fuse(&mut self, request: &FuseRequest) -> Result<JobId> {
@@ -32,7 +32,10 @@ impl Session {
             let begun = Instant::now();
             let geometry = geometry_digest(&project, &request)?;
             let before = VotedBefore::find(&project, &root, &request, &geometry, loaded);
-            let (mut fused, settings) = make(&store, &root, &project, &request, before.as_ref(), &link.progress)?;
+            let onto = OntoScale::of(&project, &request)?;
+            let scaled = before.as_ref().map_or(onto.factor, |before| before.record.scaled);
+            let (mut fused, settings) =
+                make(&store, &root, &project, &request, (before.as_ref(), &onto), &link.progress)?;
             link.progress.stage("save")?;
             save_ply(&cloud_path(&root, version), &fused.cloud, Coloring::Picture, &link.progress)?;
             save_votes(&votes_path(&root, version), &fused.votes)?;
@@ -54,6 +57,9 @@ impl Session {
                 version,
                 voxel,
                 geometry: Some(geometry),
+                scaled,
+                coordinates: Some(coordinates(&project, version)),
+                request: Some(request),
             };
             Ok(Box::new(move |session: &mut Self| session.take_cloud(&project, fused, record)) as Landing)
         }))
@@ -76,7 +82,7 @@ fn make(
     root: &Path,
     project: &Project,
     request: &FuseRequest,
-    before: Option<&VotedBefore>,
+    (before, onto): (Option<&VotedBefore>, &OntoScale),
     progress: &Progress,
 ) -> Result<(Fused, String)> {
     let masks = |frame: usize| project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
@@ -86,7 +92,7 @@ fn make(
     {
         return Ok((fused, before.record.settings.clone()));
     }
-    let fused = make_points(&views, root, project, request, progress)?;
+    let fused = make_points(&views, root, project, (request, onto), progress)?;
     let settings = settings(request, &fused, stereo_version(project).is_some());
     Ok((fused, settings))
 }
@@ -95,13 +101,17 @@ fn make_points(
     views: &ProjectViews<'_>,
     root: &Path,
     project: &Project,
-    request: &FuseRequest,
+    (request, scale): (&FuseRequest, &OntoScale),
     progress: &Progress,
 ) -> Result<Fused> {
     let (min_confidence, drop_unlabelled) = (request.min_confidence.unwrap_or(0.0), request.drop_unlabelled);
     let onto = OntoOptions { min_confidence, drop_unlabelled, ..OntoOptions::default() };
     if let Some(path) = &request.onto {
-        let given = read_ply(path, progress)?;
+        let mut given = read_ply(path, progress)?;
+        if let Some(factor) = scale.factor {
+            given.cloud.scale_by(factor);
+        }
+        given.warnings.extend(scale.warning.clone());
         let mut fused = vote_onto(&given.cloud, views, &project.labels, &onto, progress)?;
         fused.report.warnings.splice(0..0, given.warnings);
         return Ok(fused);
@@ -118,6 +128,41 @@ fn make_points(
     let voxel = request.voxel;
     let options = FuseOptions { voxel, min_confidence, drop_unlabelled, ..FuseOptions::default() };
     Ok(fuse(views, &project.labels, &options, progress)?)
+}
+
+/// Coordinates of a cloud that is fused now: those of the cameras, unless the depths were made in others.
+fn coordinates(project: &Project, version: u64) -> Coordinates {
+    let is_stereo = |frame: &Frame| matches!(frame.depth, Some(DepthSource::Made { .. }));
+    match has_stale_depths(project) && project.frames.iter().any(is_stereo) {
+        true => Coordinates::chosen_with(version, false),
+        false => project.coordinates(),
+    }
+}
+
+/// What the points of a given cloud are multiplied by, because the scale was set after they were voted on last.
+struct OntoScale {
+    factor: Option<f64>,
+    warning: Option<String>,
+}
+
+impl OntoScale {
+    fn of(project: &Project, request: &FuseRequest) -> Result<Self> {
+        let nothing = Self { factor: None, warning: None };
+        let last = project.results.get(&ResultKind::Cloud).and_then(|record| {
+            let asked = record.request.as_ref().filter(|asked| asked.onto == request.onto)?;
+            Some((record, asked, asked.onto.as_deref()?, record.scaled?))
+        });
+        let Some((record, asked, path, factor)) = last else { return Ok(nothing) };
+        if record.geometry.as_ref() == Some(&geometry_digest(project, asked)?) {
+            return Ok(Self { factor: Some(factor), ..nothing });
+        }
+        let warning = format!(
+            "{}: its points are taken as they are; since this file was voted on, the scale was set (lengths times {factor:.6}): \
+             if the file is older, export the project's cloud and vote on that",
+            path.display()
+        );
+        Ok(Self { warning: Some(warning), ..nothing })
+    }
 }
 
 /// Whether depths were made from what has changed since.

@@ -26,6 +26,7 @@ mod range;
 mod reconstruct;
 mod relocate;
 mod scale;
+mod scaled_results;
 mod split;
 mod stereo;
 mod suggest;

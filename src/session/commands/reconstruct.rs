@@ -72,7 +72,15 @@ impl Session {
         let was_made = |kind| project.results.get(&kind).is_some_and(|record| record.version > 0);
         let counts = [(ResultKind::Cameras, posed), (ResultKind::Depths, with_depth)];
         let given = counts.into_iter().filter(|&(kind, _)| !was_made(kind));
-        let edits: Vec<Edit> = given.map(|(kind, frames)| self::given(kind, frames, &settings)).collect();
+        let mut edits: Vec<Edit> = given.map(|(kind, frames)| self::given(kind, frames, &settings)).collect();
+        for edit in &mut edits {
+            // Given cameras that were scaled stay so.
+            if let Edit::SetResult { kind, record: Some(record) } = edit
+                && let Some(before) = project.results.get(kind).filter(|before| before.engine == "given")
+            {
+                (record.coordinates, record.scaled) = (before.coordinates, before.scaled);
+            }
+        }
         Ok(self.start("Reconstruct", Kind::Long, move |_| {
             Ok(Box::new(move |session: &mut Self| session.commit("Reconstruct", edits)) as Landing)
         }))
@@ -129,8 +137,7 @@ pub(super) fn given(kind: ResultKind, frames: usize, settings: &str) -> Edit {
         stale: false,
         settings,
         version: 0,
-        voxel: None,
-        geometry: None,
+        ..ResultRecord::default()
     };
     Edit::SetResult { kind, record: Some(record) }
 }

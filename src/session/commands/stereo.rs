@@ -68,8 +68,7 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
         stale: false,
         settings: settings(&views, &made, &options, &engine),
         version,
-        voxel: None,
-        geometry: None,
+        ..ResultRecord::default()
     };
     ensure!(record.frames > 0, "no frame got depth: {}", warnings.first().map_or("", String::as_str));
     Ok(link.send(move |session: &mut Session| session.take_depths(&project, &made, record, warnings))?)

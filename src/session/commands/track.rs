@@ -173,8 +173,7 @@ impl TrackRun {
             stale: false,
             settings: self.settings.clone(),
             version: 0,
-            voxel: None,
-            geometry: None,
+            ..ResultRecord::default()
         }
     }
 }

@@ -96,6 +96,21 @@ pub fn keep_mesh(root: &Path, from: u64, to: u64) -> Result<()> {
     link(&mesh_path(root, from), &place).with_context(|| durable::cannot_write(&place))
 }
 
+/// Gives the votes on the cloud and the surface of one version to another one, as they are; those that are not kept are
+/// left out.
+///
+/// # Errors
+/// When a file cannot be put in place.
+pub fn keep_votes(root: &Path, from: u64, to: u64) -> Result<()> {
+    for votes in [votes_path, mesh_votes_path] {
+        let (source, place) = (votes(root, from), votes(root, to));
+        if source.exists() {
+            link(&source, &place).with_context(|| durable::cannot_write(&place))?;
+        }
+    }
+    Ok(())
+}
+
 /// Puts the depth maps that frames have now under `depths/`, by the frames' names, and takes away those that it put there
 /// before. Other files in that folder are left alone.
 ///

@@ -46,8 +46,7 @@ pub fn record(engine: &str) -> ResultRecord {
         stale: false,
         settings,
         version: 0,
-        voxel: None,
-        geometry: None,
+        ..ResultRecord::default()
     }
 }
 

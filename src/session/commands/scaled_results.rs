@@ -1,0 +1,255 @@
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::{Context, Result};
+use rayon::prelude::*;
+
+use super::voted_before::geometry_digest;
+use crate::engine::job::Progress;
+use crate::frames::cameras::{ModelEncoding, read_sparse_model, write_colmap_model};
+use crate::frames::{DepthSource, Frame, MadeDepth};
+use crate::scene::LabelledCloud;
+use crate::scene::fuse::Votes;
+use crate::scene::measure::LengthUnit;
+use crate::scene::ply::{Coloring, read_mesh, read_ply, save_mesh, save_ply};
+use crate::session::cloud::read_votes_file;
+use crate::session::store::{
+    DepthAccount, DepthFolder, cloud_path, depth_map_path, keep_votes, load_links, load_outcomes, mesh_path, replace,
+    save_links, save_outcomes, sparse_path, sync_folder, version_in_force, votes_path,
+};
+use crate::session::{Coordinates, Edit, FrameMask, FuseRequest, MaskOrigin, Project, ResultKind, ResultRecord};
+
+/// A project's lengths are multiplied: what from, what by, and the number of the files that hold the results.
+pub(super) struct Scaling {
+    pub(super) project: Arc<Project>,
+    pub(super) root: PathBuf,
+    pub(super) factor: f64,
+    pub(super) version: u64,
+}
+
+/// Scaled results, on the disk already.
+pub(super) struct ScaledResults {
+    /// The frames with their cameras and depths.
+    frames: Vec<Frame>,
+    /// Whether stereo's depth maps were written.
+    has_depths: bool,
+    /// The cloud with its surface, where there is one that belongs to the cameras.
+    pub(super) cloud: Option<ScaledCloud>,
+    pub(super) warnings: Vec<String>,
+}
+
+/// A scaled cloud, and what its record says of it.
+pub(super) struct ScaledCloud {
+    pub(super) cloud: LabelledCloud,
+    pub(super) votes: Option<Votes>,
+    /// What its lengths were multiplied by.
+    factor: f64,
+    geometry: Option<String>,
+}
+
+impl Scaling {
+    /// Writes every result that has files under the new number. Nothing of the project changes yet.
+    ///
+    /// # Errors
+    /// Where a file of a result is gone or damaged, or one cannot be written; when stopped.
+    pub(super) fn write(&self, progress: &Progress) -> Result<ScaledResults> {
+        let frames: Vec<Frame> = self.project.frames.iter().map(|frame| self.frame(frame)).collect();
+        self.write_sparse(&frames)?;
+        let has_depths = self.write_depths(progress)?;
+        let mut warnings = Vec::new();
+        let cloud = self.write_cloud(&frames, &mut warnings, progress)?;
+        sync_folder(&self.root.join("versions"))?;
+        Ok(ScaledResults { frames, has_depths, cloud, warnings })
+    }
+
+    fn frame(&self, frame: &Frame) -> Frame {
+        let mut frame = frame.clone();
+        if let Some(pose) = frame.camera.as_mut().and_then(|camera| camera.camera_from_world.as_mut()) {
+            pose.translation *= self.factor;
+        }
+        if let Some(DepthSource::Made { made, scale }) = &mut frame.depth {
+            (*made, *scale) = (depth_map_path(self.version, &frame.name), 1.0);
+        }
+        frame
+    }
+
+    fn write_sparse(&self, frames: &[Frame]) -> Result<()> {
+        let Some(before) = version_in_force(&self.project, ResultKind::Cameras) else { return Ok(()) };
+        let (source, folder) = (sparse_path(&self.root, before), sparse_path(&self.root, self.version));
+        let mut sparse = read_sparse_model(&source, &self.project.frames)
+            .context("the sparse points cannot be scaled; reconstruct again, then set the scale")?;
+        sparse.points.iter_mut().for_each(|point| point.position *= self.factor);
+        write_colmap_model(&folder, frames, &sparse, ModelEncoding::Text)?;
+        save_outcomes(&folder, &load_outcomes(&source)?)?;
+        save_links(&folder, &load_links(&source)?)
+    }
+
+    /// Writes scaled copies of the depth maps that stereo made; whether there are any.
+    fn write_depths(&self, progress: &Progress) -> Result<bool> {
+        let frames = &self.project.frames;
+        let maps: Vec<(&Frame, &PathBuf, f64)> = frames
+            .iter()
+            .filter_map(|frame| match &frame.depth {
+                Some(DepthSource::Made { made, scale }) => Some((frame, made, *scale)),
+                _ => None,
+            })
+            .collect();
+        if maps.is_empty() {
+            return Ok(false);
+        }
+        progress.stage("scale depths")?;
+        let done = AtomicUsize::new(0);
+        maps.par_iter().try_for_each(|&(frame, made, scale)| {
+            progress.step(done.fetch_add(1, Ordering::Relaxed), maps.len())?;
+            let again = || format!("the depth of {} cannot be scaled", frame.name);
+            let mut map = MadeDepth::read(&self.root.join(made)).with_context(again)?;
+            let factor = scale * self.factor;
+            map.depth.depths.iter_mut().for_each(|depth| *depth = (f64::from(*depth) * factor) as f32);
+            replace(&self.root.join(depth_map_path(self.version, &frame.name)), &map.encode().with_context(again)?)
+        })?;
+        if let Some(before) = version_in_force(&self.project, ResultKind::Depths) {
+            let account = DepthFolder::new(&self.root, before, frames).load_account()?;
+            // No run goes on from these: they are whole.
+            let account = DepthAccount { key: format!("{} times {}", account.key, self.factor), ..account };
+            DepthFolder::new(&self.root, self.version, frames).save_account(&account)?;
+        }
+        Ok(true)
+    }
+
+    /// Writes the scaled cloud with its votes and surface; `None` where there is none that belongs to the cameras.
+    fn write_cloud(
+        &self,
+        frames: &[Frame],
+        warnings: &mut Vec<String>,
+        progress: &Progress,
+    ) -> Result<Option<ScaledCloud>> {
+        let (project, root) = (&*self.project, &*self.root);
+        let Some(before) = version_in_force(project, ResultKind::Cloud) else { return Ok(None) };
+        let Some(factor) = self.cloud_factor() else {
+            warnings
+                .push("the cloud was made with other cameras and keeps its size, without a unit; fuse again".into());
+            return Ok(None);
+        };
+        progress.stage("scale cloud")?;
+        let mut cloud = read_ply(&cloud_path(root, before), progress)
+            .context("the cloud cannot be scaled; fuse again, then set the scale")?
+            .cloud;
+        cloud.scale_by(factor);
+        save_ply(&cloud_path(root, self.version), &cloud, Coloring::Picture, progress)?;
+        keep_votes(root, before, self.version)?;
+        let record = project.results.get(&ResultKind::Cloud);
+        if record.is_some_and(|record| record.voxel.is_some()) {
+            progress.stage("scale mesh")?;
+            let mut mesh = read_mesh(&mesh_path(root, before), progress)
+                .context("the surface cannot be scaled; fuse again, then set the scale")?;
+            mesh.vertices.scale_by(factor);
+            save_mesh(&mesh_path(root, self.version), &mesh, Coloring::Picture, progress)?;
+        }
+        let votes = read_votes_file(&votes_path(root, self.version)).ok();
+        let geometry = record.map_or(Ok(None), |record| self.geometry(record, frames, factor))?;
+        Ok(Some(ScaledCloud { cloud, votes, factor, geometry }))
+    }
+
+    /// What brings the cloud to the new size of the cameras; `None` where it stands in other coordinates than they do.
+    fn cloud_factor(&self) -> Option<f64> {
+        let (now, cloud) = (self.project.coordinates(), self.project.cloud_coordinates()?);
+        let same = if cloud.scale == now.scale { self.factor } else { self.factor * now.scale / cloud.scale };
+        let has_sensor = self.project.frames.iter().any(Frame::has_sensor_depth);
+        (cloud.world == now.world && !has_sensor).then_some(same)
+    }
+
+    /// The digest of all that the scaled cloud would be made of now; `None` where the cloud of before would be made otherwise.
+    fn geometry(&self, record: &ResultRecord, frames: &[Frame], factor: f64) -> Result<Option<String>> {
+        let Some(request) = &record.request else { return Ok(None) };
+        if record.geometry.as_ref() != Some(&geometry_digest(&self.project, request)?) {
+            return Ok(None);
+        }
+        let scaled = Project { frames: Arc::new(frames.to_vec()), ..Project::default() };
+        geometry_digest(&scaled, &scaled_request(request, factor)).map(Some)
+    }
+}
+
+impl ScaledResults {
+    /// The edits that put everything in force on a project which still has the frames and files of before. Nothing becomes
+    /// stale by them: what fitted before fits as before.
+    pub(super) fn edits(&self, scaling: &Scaling, now: &Project) -> Vec<Edit> {
+        let numbered = || self.frames.iter().enumerate();
+        let mut edits: Vec<Edit> =
+            numbered().map(|(frame, scaled)| Edit::SetCamera { frame, camera: scaled.camera }).collect();
+        let made = numbered().filter(|(_, frame)| matches!(frame.depth, Some(DepthSource::Made { .. })));
+        edits.extend(made.map(|(frame, scaled)| Edit::SetDepth { frame, depth: scaled.depth.clone() }));
+        let is_fresh = |mask: &FrameMask| mask.origin == MaskOrigin::Tracked && !mask.stale;
+        let fresh = now.masks.iter().filter(|(_, mask)| is_fresh(mask)).map(|(&frame, _)| frame).collect();
+        edits.push(Edit::SetStale { frames: fresh, stale: false });
+        let records = self.records(scaling, now).into_iter();
+        edits.extend(records.map(|(kind, record)| Edit::SetResult { kind, record: Some(record) }));
+        edits
+    }
+
+    fn records(&self, scaling: &Scaling, now: &Project) -> BTreeMap<ResultKind, ResultRecord> {
+        let mut records = now.results.clone();
+        let coordinates = now.coordinates().scaled_by(scaling.factor);
+        let posed = self.frames.iter().filter(|frame| frame.posed_camera().is_some()).count();
+        let given = || ResultRecord { engine: "given".into(), frames: posed, ..ResultRecord::default() };
+        let cameras = records.entry(ResultKind::Cameras).or_insert_with(given);
+        let version = if cameras.version > 0 { scaling.version } else { 0 };
+        *cameras = ResultRecord { coordinates: Some(coordinates), ..scaled_record(cameras, scaling.factor, version) };
+        if let Some(depths) = records.get_mut(&ResultKind::Depths).filter(|_| self.has_depths) {
+            let version = if depths.version > 0 { scaling.version } else { 0 };
+            *depths = scaled_record(depths, scaling.factor, version);
+        }
+        if let Some(record) = records.get_mut(&ResultKind::Cloud) {
+            *record = match &self.cloud {
+                Some(cloud) => scaled_cloud_record(record, cloud, coordinates, scaling.version),
+                None => unscaled_cloud_record(record, now),
+            };
+        }
+        records
+    }
+
+    pub(super) fn notice(&self, scaling: &Scaling) -> String {
+        let mut what = vec!["cameras"];
+        what.extend(self.has_depths.then_some("depths"));
+        what.extend(self.cloud.is_some().then_some("cloud"));
+        format!("{} were scaled by {:.6}: lengths are metres now", what.join(", "), scaling.factor)
+    }
+}
+
+fn scaled_request(request: &FuseRequest, factor: f64) -> FuseRequest {
+    FuseRequest { voxel: request.voxel.map(|voxel| voxel * factor), ..request.clone() }
+}
+
+fn scaled_record(record: &ResultRecord, factor: f64, version: u64) -> ResultRecord {
+    let before = if record.settings.is_empty() { String::new() } else { format!("{}, ", record.settings) };
+    ResultRecord {
+        settings: format!("{before}scaled by {factor:.6}"),
+        scaled: Some(record.scaled.unwrap_or(1.0) * factor),
+        version,
+        ..record.clone()
+    }
+}
+
+fn scaled_cloud_record(
+    record: &ResultRecord,
+    cloud: &ScaledCloud,
+    coordinates: Coordinates,
+    version: u64,
+) -> ResultRecord {
+    ResultRecord {
+        voxel: record.voxel.map(|voxel| voxel * cloud.factor),
+        geometry: cloud.geometry.clone(),
+        coordinates: Some(coordinates),
+        request: record.request.as_ref().map(|request| scaled_request(request, cloud.factor)),
+        ..scaled_record(record, cloud.factor, version)
+    }
+}
+
+/// A cloud that keeps its size: it is stale, and has no unit unless it had one of its own.
+fn unscaled_cloud_record(record: &ResultRecord, now: &Project) -> ResultRecord {
+    // A number of no result: whatever comes later does not share these coordinates.
+    let unknown = Coordinates { world: record.version, scale: 1.0, unit: LengthUnit::World };
+    let coordinates = now.cloud_coordinates().filter(|cloud| cloud.world != now.coordinates().world);
+    ResultRecord { stale: true, coordinates: Some(coordinates.unwrap_or(unknown)), ..record.clone() }
+}
