@@ -413,8 +413,8 @@ const LIST: &[Row] = {
         A::Reconstruct, RUN, true, "Reconstruct", "Makes cameras and depths with the settings of the Reconstruct panel", plain(Key::R);
         A::SetScale, RUN, false, "Set scale by ruler", "Scales cameras, depths, cloud and surface together until the ruler's two points are as far apart as they really are", None;
         A::Fuse, RUN, false, "Fuse", "Makes the labelled cloud: every point takes the label most views vote for", plain(Key::U);
-        A::Stop, RUN, true, "Stop", "Stops what is running; what is finished is kept", None;
-        A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke, polygon or thin structure; otherwise closes the window of matches, or stops what is running", plain(Key::Escape);
+        A::Stop, RUN, true, "Stop", "Stops what is running; what is finished is kept", ctrl(Key::Period);
+        A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke, polygon or thin structure; otherwise takes back chosen points, or closes the window of matches or measures. Work goes on", plain(Key::Escape);
         A::Palette, HELP, false, "Find action…", "Lists all actions; type to narrow the list", ctrl(Key::P);
         A::ShortcutSheet, HELP, false, "Shortcuts…", "Shows all shortcuts and lets you change them", plain(Key::Questionmark);
     }

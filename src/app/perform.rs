@@ -78,7 +78,7 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
             out.push(Command::Fuse(FuseRequest { onto, ..view.fuse.clone() }));
         }
         Action::Stop => out.push(Command::Stop),
-        Action::Cancel => cancel(look, view, out),
+        Action::Cancel => cancel(view),
         Action::ToggleTheme => toggle_theme(ctx),
         other => look_differently(other, ctx, view),
     }
@@ -226,8 +226,8 @@ fn track_from_here(view: &ViewState, direction: Direction, out: &mut Vec<Command
     out.push(Command::Track(settings));
 }
 
-/// Esc: first what is half made, then what runs.
-fn cancel(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+/// Esc: first what is half made, then a window. It never stops work, which may have taken minutes so far.
+fn cancel(view: &mut ViewState) {
     if view.draft.drop_half_made() || view.scene_select.cancel() {
         return;
     }
@@ -235,8 +235,6 @@ fn cancel(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
         view.matches.open = false;
     } else if view.measures.open {
         view.measures.open = false;
-    } else if !look.jobs.is_empty() {
-        out.push(Command::Stop);
     }
 }
 

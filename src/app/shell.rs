@@ -1,4 +1,4 @@
-use egui::{CentralPanel, Context, Frame, Margin, Panel, ScrollArea, Stroke, Ui};
+use egui::{CentralPanel, Context, Event, Frame, Key, Margin, Panel, ScrollArea, Stroke, Ui};
 
 use super::canvas::picture_pane_ui;
 use super::dialogs::{
@@ -16,6 +16,7 @@ use super::textures::Textures;
 use super::tips::section_heading;
 use super::{Action, Dialog, Look, Panes, Prefs, ViewState};
 use crate::session::Command;
+use crate::view::Orbit;
 
 /// All that is drawn, without the session behind it: looks in, commands out.
 pub struct Shell {
@@ -23,13 +24,16 @@ pub struct Shell {
     pub view: ViewState,
     textures: Textures,
     scene: ScenePane,
+    /// Whether a menu, list or text field took keys when the window was last drawn.
+    took_keys: bool,
 }
 
 impl Shell {
     /// A shell with the taste of last time; without a GPU the 3-D view says that it needs one.
     #[must_use]
     pub fn new(prefs: Prefs, gpu: Option<&egui_wgpu::RenderState>) -> Self {
-        Self { view: ViewState::new(prefs), textures: Textures::default(), scene: ScenePane::new(gpu) }
+        let (view, textures, scene) = (ViewState::new(prefs), Textures::default(), ScenePane::new(gpu));
+        Self { view, textures, scene, took_keys: false }
     }
 
     /// Forgets what belongs to the project that was open.
@@ -45,6 +49,12 @@ impl Shell {
         self.scene.scale_by(factor as f32);
     }
 
+    /// Where the 3-D view is seen from; `None` before there is something to see.
+    #[must_use]
+    pub fn orbit(&self) -> Option<Orbit> {
+        self.scene.orbit()
+    }
+
     /// Draws the whole window; what the user asked for comes back as commands, in order.
     pub fn ui(&mut self, ui: &mut Ui, look: &Look<'_>) -> Vec<Command> {
         let (mut out, mut wishes) = (Vec::new(), Vec::new());
@@ -52,7 +62,7 @@ impl Shell {
         self.view.presence.update(look.project);
         self.view.draft.follow(look.project);
         take_picked(ui.ctx(), &mut self.view);
-        wishes.extend(pressed(ui.ctx(), &self.view));
+        wishes.extend(pressed(ui.ctx(), &self.view, self.took_keys));
         self.bars_ui(ui, look, &mut out, &mut wishes);
         if look.has_frames() {
             self.side_panels_ui(ui, look, &mut out, &mut wishes);
@@ -71,6 +81,7 @@ impl Shell {
             measures_ui(ui, look, &mut self.view);
         }
         notices_ui(ui, &mut self.view.notices);
+        self.took_keys = takes_keys(ui.ctx());
         for action in wishes {
             perform(action, ui.ctx(), look, &mut self.view, &mut out);
         }
@@ -84,7 +95,7 @@ impl Shell {
     fn bars_ui(&mut self, ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
         let bar = Frame::new().fill(ui.visuals().panel_fill).inner_margin(Margin::symmetric(8, 3));
         Panel::top("menu").frame(bar).show(ui, |ui| menu_bar_ui(ui, look, &self.view, out, wishes));
-        Panel::bottom("status").frame(bar).show(ui, |ui| status_ui(ui, look, &self.view));
+        Panel::bottom("status").frame(bar).show(ui, |ui| status_ui(ui, look, &self.view, wishes));
         if look.has_frames() {
             let strip = Frame::new().fill(ui.visuals().panel_fill).inner_margin(Margin {
                 left: 8,
@@ -178,12 +189,20 @@ impl Shell {
     }
 }
 
-/// The actions whose keys were pressed; none while text is typed or a dialog is open.
-fn pressed(ctx: &Context, view: &ViewState) -> Vec<Action> {
-    if view.dialog.is_some() || ctx.text_edit_focused() || ctx.any_popup_open() {
+/// The actions whose keys were pressed; none while text is typed or a dialog is open. A menu or text field that had the keys
+/// before is closed by the same press of Esc before anything is drawn: that press is not meant for what lies below.
+fn pressed(ctx: &Context, view: &ViewState, took_keys: bool) -> Vec<Action> {
+    if view.dialog.is_some() || takes_keys(ctx) {
         return Vec::new();
     }
-    ctx.input(|input| input.events.iter().filter_map(|event| view.prefs.shortcuts.action_for(event)).collect())
+    let is_taken = |event: &Event| took_keys && matches!(event, Event::Key { key: Key::Escape, .. });
+    let action = |event: &Event| view.prefs.shortcuts.action_for(event).filter(|_| !is_taken(event));
+    ctx.input(|input| input.events.iter().filter_map(action).collect())
+}
+
+/// Whether keys go to a menu, a list or a text field.
+fn takes_keys(ctx: &Context) -> bool {
+    ctx.text_edit_focused() || ctx.any_popup_open()
 }
 
 fn side_panel(panel: Panel, size: f32) -> Panel {

@@ -1,11 +1,14 @@
 //! Keys.
 
+use std::time::Duration;
+
 use egui::{Key, Modifiers, PointerButton};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use ostra::app::{Action, Dialog, Layers, Shortcuts};
+use ostra::engine::job::ProgressReport;
 use ostra::masks::{Direction, LabelId};
-use ostra::session::Command;
+use ostra::session::{Command, JobId, JobView};
 use ostra::view::Layer;
 
 use crate::desk::{Desk, click_at, on_screen, press};
@@ -192,4 +195,75 @@ fn a_key_shows_depth_normals_and_confidence_in_the_photos_place() {
     }
     press(&mut harness, Modifiers::NONE, Key::F7);
     assert_eq!(shown(&harness), Layer::Photo);
+}
+
+/// A job that has run for three minutes.
+fn long_job() -> JobView {
+    let report = ProgressReport { stage: "match".into(), done: 56, total: 100 };
+    JobView { id: JobId(7), title: "Reconstruct".into(), report, elapsed: Duration::from_secs(180) }
+}
+
+fn busy() -> Desk {
+    Desk { jobs: vec![long_job()], ..Desk::sample() }
+}
+
+#[test]
+fn escape_stops_no_work_whatever_it_closes() {
+    let mut harness = busy().shown();
+    let escape = |harness: &mut Harness<'_, Desk>, what: &str| {
+        press(harness, Modifiers::NONE, Key::Escape);
+        harness.run_steps(4);
+        assert!(harness.state().asked.is_empty(), "{what}: {:?}", harness.state().asked);
+    };
+    escape(&mut harness, "nothing is open");
+    for menu in ["Edit", "View", "Run"] {
+        harness.get_all_by_label(menu).next().unwrap().click();
+        harness.run_steps(4);
+        escape(&mut harness, menu);
+    }
+    for dialog in [Dialog::Export, Dialog::Models, Dialog::Shortcuts, Dialog::Palette, Dialog::Picture] {
+        harness.state_mut().shell.view.dialog = Some(dialog);
+        harness.run_steps(4);
+        escape(&mut harness, &format!("{dialog:?}"));
+        assert_eq!(harness.state().shell.view.dialog, None, "{dialog:?}");
+    }
+    harness.get_by_role_and_label(egui::Role::ComboBox, "Shown layer").click();
+    harness.run_steps(4);
+    escape(&mut harness, "a list");
+    harness.get_by_label("New label name").focus();
+    harness.run_steps(2);
+    escape(&mut harness, "a text field");
+    for key in [Key::F6, Key::F8] {
+        press(&mut harness, Modifiers::NONE, key);
+        escape(&mut harness, "a window");
+    }
+    (0..3).for_each(|_| escape(&mut harness, "again and again"));
+}
+
+#[test]
+fn escape_that_closes_a_menu_leaves_what_is_half_made() {
+    let mut harness = busy().shown();
+    press(&mut harness, Modifiers::NONE, Key::G);
+    for (x, y) in [(10.0, 10.0), (30.0, 12.0), (24.0, 30.0)] {
+        let at = on_screen(&harness, x, y);
+        click_at(&mut harness, at, PointerButton::Primary);
+    }
+    assert!(harness.state().shell.view.draft.is_half_made(), "{:?}", harness.state().shell.view.tool);
+    harness.get_all_by_label("Edit").next().unwrap().click();
+    harness.run_steps(4);
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    assert!(harness.state().shell.view.draft.is_half_made(), "the menu is closed, and no more");
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    assert!(!harness.state().shell.view.draft.is_half_made());
+    assert!(harness.state().asked.is_empty(), "{:?}", harness.state().asked);
+}
+
+#[test]
+fn work_is_stopped_on_purpose_by_button_or_keys() {
+    let mut harness = busy().shown();
+    press(&mut harness, CTRL, Key::Period);
+    assert_eq!(harness.state().asked, [Command::Stop]);
+    harness.get_by_label("Stop running work").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().asked, [Command::Stop, Command::Stop]);
 }

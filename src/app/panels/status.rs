@@ -3,11 +3,12 @@ use egui::{RichText, Ui};
 use super::fuse::grouped;
 use super::jobs::progress_text;
 use crate::app::canvas::id_at;
-use crate::app::{Look, ViewState};
+use crate::app::tips::action_button;
+use crate::app::{Action, Look, ViewState};
 use crate::masks::LabelId;
 
 /// One line at the bottom: what is open, what is under the pointer, what is running.
-pub(in crate::app) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) {
+pub(in crate::app) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         if let Some(frame) = look.project.frames.get(view.frame) {
             ui.label(format!("Frame {} of {}", view.frame, look.project.frames.len().saturating_sub(1)));
@@ -21,6 +22,10 @@ pub(in crate::app) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) 
                 ui.weak(format!("{} points", grouped(cloud.len())));
             }
             if let Some(job) = look.slow_jobs().last() {
+                let button = action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop", true);
+                if button.accessible_name("Stop running work").clicked() {
+                    wishes.push(Action::Stop);
+                }
                 ui.weak(format!("{}: {}", job.title, progress_text(job)));
                 ui.spinner();
             } else if !view.note.is_empty() {
