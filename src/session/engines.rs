@@ -4,7 +4,7 @@ use anyhow::{Result, bail, ensure};
 
 use super::networks::{KeptSam, KeptTracker, KeptXFeat, SAM_NETWORKS, TrackNetwork, grounding_dino, yolox};
 use super::{Project, TrackSettings};
-use crate::engine::nn::{Catalogue, Runtime, models_folder};
+use crate::engine::nn::{Catalogue, Provider, Runtime, models_folder};
 use crate::frames::{Frame, FrameStore};
 use crate::masks::builtin::BuiltinSegmenter;
 use crate::masks::flow::{Describer, FlowTracker};
@@ -254,6 +254,23 @@ pub(super) fn matcher(name: &str, features: &str) -> Result<Box<dyn FeatureMatch
         None if made_for.is_some() => Box::new(NearestMatcher::for_floats()),
         None => Box::new(NearestMatcher::for_bytes()),
     })
+}
+
+/// Tells an extractor or matcher apart from others that would find other things in the same pictures: by the program, where
+/// networks run, and the size and time of its networks' files.
+pub(super) fn identity(engine: &str, settings: &str) -> String {
+    let files = || {
+        let (catalogue, folder) = (Catalogue::bundled().ok()?, models_folder().ok()?);
+        let networks: &[&str] =
+            if engine == "superglue" { &["superglue-outdoor", "superglue-indoor"] } else { &[engine] };
+        let installed = networks.iter().filter_map(|network| catalogue.entry(network).ok()?.installed(&folder));
+        let stamp = |path: std::path::PathBuf| {
+            let about = std::fs::metadata(&path).ok();
+            (path, about.as_ref().map(std::fs::Metadata::len), about.and_then(|about| about.modified().ok()))
+        };
+        Some(installed.flat_map(|installed| installed.paths).map(stamp).collect::<Vec<_>>())
+    };
+    format!("{} {engine} {settings} {:?} {:?}", env!("CARGO_PKG_VERSION"), Provider::chosen(), files())
 }
 
 /// Whether a network is installed, and with it what runs it.

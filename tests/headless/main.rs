@@ -49,6 +49,8 @@ mod fuse;
 #[cfg(test)]
 mod image_inputs;
 #[cfg(test)]
+mod kept_features;
+#[cfg(test)]
 mod kills;
 #[cfg(test)]
 mod large_coordinates;

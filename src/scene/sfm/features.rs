@@ -132,6 +132,11 @@ pub trait FeatureMatcher: Send + Sync {
     /// [`FeatureError::Kinds`] where the two cannot be compared, [`FeatureError::Network`] where a network fails.
     fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError>;
 
+    /// Whether matches of two pictures depend on the other pictures of their set.
+    fn depends_on_set(&self) -> bool {
+        false
+    }
+
     /// The same for pairs of a set of pictures, told by number: what they have in common is worked out once.
     ///
     /// # Errors
@@ -142,7 +147,7 @@ pub trait FeatureMatcher: Send + Sync {
 }
 
 /// Matches of two pictures of a set, as [`FeatureMatcher::matches`].
-pub type PairMatches<'a> = Box<dyn Fn(usize, usize) -> Result<Vec<(u32, u32)>, FeatureError> + Sync + 'a>;
+pub type PairMatches<'a> = Box<dyn Fn(usize, usize) -> Result<Vec<(u32, u32)>, FeatureError> + Send + Sync + 'a>;
 
 /// Why features could not be found or matched.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

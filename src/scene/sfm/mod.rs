@@ -3,6 +3,7 @@
 //! May use: frames, geometry, engine::job; only `onnx` uses engine::nn. Must not touch: Project, UI.
 
 mod account;
+mod cache;
 mod correspondences;
 mod error;
 mod extract;
@@ -27,6 +28,7 @@ mod undistort;
 mod verify;
 
 pub use account::Outcome;
+pub use cache::{CachedExtractor, CachedMatcher, FeatureCache};
 pub use correspondences::Correspondences;
 pub use error::SfmError;
 pub use extract::{AllowedPixels, PictureFeatures};

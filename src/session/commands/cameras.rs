@@ -12,13 +12,13 @@ use crate::frames::{DepthSource, Frame, FrameCamera, FrameStore};
 use crate::masks::LabelId;
 use crate::scene::rgbd::{Calibration, FrameLink, RgbdOptions, RgbdRequest, RgbdResult, calibrate, register_rgbd};
 use crate::scene::sfm::{
-    FeatureExtractor, FeatureMatcher, MapperOptions, Outcome, PairOptions, SfmRequest, SfmResult, Start,
-    structure_from_motion,
+    CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, FeatureMatcher, MapperOptions, Outcome,
+    PairOptions, SfmRequest, SfmResult, Start, structure_from_motion,
 };
-use crate::session::engines::{extractor, matcher, registration};
+use crate::session::engines::{extractor, identity, matcher, registration};
 use crate::session::growing::Placed;
 use crate::session::jobs::Link;
-use crate::session::store::{save_links, save_outcomes, sparse_path, sync_folder};
+use crate::session::store::{feature_cache_path, save_links, save_outcomes, sparse_path, sync_folder};
 use crate::session::{Coordinates, Edit, Event, Project, ReconstructRequest, ResultKind, ResultRecord, Session};
 
 /// What becomes of poses that frames have.
@@ -58,7 +58,7 @@ pub(super) struct CameraWork {
 pub(super) struct FoundCameras {
     made_from: Arc<Project>,
     edits: Vec<Edit>,
-    notice: String,
+    notices: Vec<String>,
     warnings: Vec<String>,
     /// Whether it was stopped and is a part of what it could be.
     pub stopped: bool,
@@ -139,10 +139,12 @@ impl CameraWork {
     pub fn find(self, link: &Link) -> Result<FoundCameras> {
         let begun = Instant::now();
         let poses = self.poses();
+        let cache = FeatureCache::open(feature_cache_path(&self.root));
         let result: Cameras = match self.finder {
-            Finder::Sfm(_) => self.by_motion(poses, &link.progress)?.into(),
+            Finder::Sfm(_) => self.by_motion(poses, &cache, &link.progress)?.into(),
             Finder::Rgbd => self.by_depth(link)?.into(),
         };
+        let not_kept = cache.save();
         let frames = &self.project.frames;
         if result.stopped && result.cameras.len() <= frames.iter().filter(|frame| is_posed(frame)).count() {
             return Err(Stopped.into());
@@ -156,8 +158,8 @@ impl CameraWork {
         let record =
             ResultRecord { version: self.version, coordinates: Some(coordinates), ..record(&result, begun.elapsed()) };
         Ok(FoundCameras {
-            notice: format!("cameras: {}", record.settings),
-            warnings: unplaced(frames, &result),
+            notices: cache.report().into_iter().chain([format!("cameras: {}", record.settings)]).collect(),
+            warnings: unplaced(frames, &result).into_iter().chain(not_kept).collect(),
             edits: edits(&self.project, &result, poses, record),
             stopped: result.stopped,
             made_from: self.project,
@@ -192,8 +194,12 @@ impl CameraWork {
         Ok((result, calibrations))
     }
 
-    fn by_motion(&self, poses: Poses, progress: &Progress) -> Result<SfmResult> {
+    fn by_motion(&self, poses: Poses, cache: &FeatureCache, progress: &Progress) -> Result<SfmResult> {
         let (project, request) = (&self.project, &self.request);
+        let by = identity(self.extractor.name(), &format!("{:?}", request.max_side));
+        let extractor = CachedExtractor { extractor: self.extractor.as_ref(), identity: &by, cache };
+        let by = identity(self.matcher.name(), "");
+        let matcher = CachedMatcher { matcher: self.matcher.as_ref(), identity: &by, cache };
         let frames = &project.frames;
         let kept = |frame: usize| poses == Poses::Kept && frames[frame].posed_camera().is_some();
         let (mapped, located): (Vec<usize>, Vec<usize>) =
@@ -212,8 +218,8 @@ impl CameraWork {
             located: &located,
             keep_poses: poses == Poses::Kept,
             allowed: &allowed,
-            extractor: self.extractor.as_ref(),
-            matcher: self.matcher.as_ref(),
+            extractor: &extractor,
+            matcher: &matcher,
             pairs: PairOptions { given: pairs, ..PairOptions::default() },
             mapper: MapperOptions::default(),
         };
@@ -253,7 +259,7 @@ impl FoundCameras {
             }
         }
         session.commit("Reconstruct", self.edits)?;
-        session.events.push(Event::Notice(self.notice));
+        session.events.extend(self.notices.into_iter().map(Event::Notice));
         session.warn_all(self.warnings);
         Ok(())
     }

@@ -104,7 +104,11 @@ fn way(project: &Project, request: &ReconstructRequest) -> Result<Way> {
         }
         ReconstructMethod::Auto => Ok(Way::Made { cameras: missing.map(Finder::Sfm), depths: !measured }),
         ReconstructMethod::Sfm => Ok(Way::Made { cameras: Some(Finder::Sfm(Poses::Anew)), depths: false }),
-        ReconstructMethod::Mvs => Ok(Way::Made { cameras: missing.map(Finder::Sfm), depths: true }),
+        // Cameras that are there are enough: a frame that was left out before does not let all be looked for again.
+        ReconstructMethod::Mvs => {
+            let cameras = missing.filter(|_| posed < 2).map(Finder::Sfm);
+            Ok(Way::Made { cameras, depths: true })
+        }
         ReconstructMethod::Rgbd => {
             ensure!(measured, "no frame has depth of a sensor; give it with --depth, or --method sfm or mvs");
             ensure!(

@@ -13,15 +13,17 @@ use crate::frames::cameras::{ModelEncoding, SparsePoints, read_sparse_model, wri
 use crate::frames::{DepthSource, Frame, FrameStore};
 use crate::geometry::Camera;
 use crate::masks::LabelId;
-use crate::scene::sfm::{Sift, undistort_mask};
+use crate::scene::sfm::{CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, Sift, undistort_mask};
 use crate::scene::stereo::{
     DepthStore, Engine, SparseOptions, StereoError, StereoOptions, StereoRequest, ViewOutcome, estimate_depths,
     sparse_from_cameras,
 };
-use crate::session::engines::matcher;
+use crate::session::engines::{identity, matcher};
 use crate::session::growing::Shown;
 use crate::session::jobs::Link;
-use crate::session::store::{DepthAccount, DepthFolder, depth_map_path, depth_versions, load_sparse};
+use crate::session::store::{
+    DepthAccount, DepthFolder, depth_map_path, depth_versions, feature_cache_path, load_sparse,
+};
 use crate::session::{Edit, Project, ReconstructRequest, ResultKind, ResultRecord, Session};
 
 /// What stereo works on.
@@ -230,10 +232,14 @@ fn sparse_points(
     if let Ok(sparse) = read_sparse_model(&folder.sparse(), &project.frames) {
         return Ok(sparse);
     }
-    let extractor = Sift::default();
-    let matcher = matcher("auto", "sift")?;
-    let engines = (&extractor as _, matcher.as_ref());
+    let cache = FeatureCache::open(feature_cache_path(root));
+    let (sift, nearest) = (Sift::default(), matcher("auto", "sift")?);
+    let [of_sift, of_nearest] = [identity(sift.name(), ""), identity(nearest.name(), "")];
+    let extractor = CachedExtractor { extractor: &sift, identity: &of_sift, cache: &cache };
+    let matcher = CachedMatcher { matcher: nearest.as_ref(), identity: &of_nearest, cache: &cache };
+    let engines = (&extractor as _, &matcher as _);
     let sparse = sparse_from_cameras(&project.frames, views, store, engines, &SparseOptions::default(), progress)?;
+    cache.save();
     write_colmap_model(&folder.sparse(), &project.frames, &sparse, ModelEncoding::Text)?;
     Ok(sparse)
 }

@@ -45,6 +45,11 @@ pub fn mesh_votes_path(root: &Path, version: u64) -> PathBuf {
     root.join(format!("versions/surface-votes-{version}.bin"))
 }
 
+/// Where features and matches are kept from one reconstruction to the next. No result: it may be deleted at any time.
+pub fn feature_cache_path(root: &Path) -> PathBuf {
+    root.join("cache")
+}
+
 /// Where a version of the sparse model lies: a folder with a COLMAP text model.
 pub fn sparse_path(root: &Path, version: u64) -> PathBuf {
     root.join(format!("versions/{SPARSE}{version}"))

@@ -53,6 +53,11 @@ impl FeatureMatcher for NearestMatcher {
         "nearest"
     }
 
+    /// Its cells are found by the descriptors of all pictures.
+    fn depends_on_set(&self) -> bool {
+        true
+    }
+
     fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError> {
         self.of_set(&[first, second])?(0, 1)
     }

@@ -1,0 +1,112 @@
+use std::sync::OnceLock;
+
+use sha2::{Digest, Sha256};
+
+use super::FeatureCache;
+use super::files::{Key, Matches};
+use super::format::encode_features;
+use crate::scene::sfm::{FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches};
+
+/// Raised when the same input gives other features or matches than before.
+const VERSION: u32 = 1;
+
+/// An extractor whose features are kept: those of a picture that it saw before are not looked for again.
+pub struct CachedExtractor<'a> {
+    /// Finds features that are not there.
+    pub extractor: &'a dyn FeatureExtractor,
+    /// Tells the extractor with its options and networks apart from all others.
+    pub identity: &'a str,
+    /// What is kept.
+    pub cache: &'a FeatureCache,
+}
+
+impl FeatureExtractor for CachedExtractor<'_> {
+    fn name(&self) -> &'static str {
+        self.extractor.name()
+    }
+
+    fn extract(
+        &self,
+        grey: &[f32],
+        width: usize,
+        height: usize,
+        allowed: Option<&[bool]>,
+    ) -> Result<Features, FeatureError> {
+        let mut digest = begun(&[self.identity, self.extractor.name()]);
+        digest.update(format!("{width}×{height} {} ", allowed.is_some()));
+        digest.update(bytemuck::cast_slice::<f32, u8>(grey));
+        let bits = allowed.unwrap_or_default().chunks(4096);
+        bits.for_each(|bits| digest.update(bits.iter().map(|&bit| u8::from(bit)).collect::<Vec<u8>>()));
+        let key: Key = digest.finalize().into();
+        if let Some(known) = self.cache.features(&key) {
+            return Ok(known);
+        }
+        let made = self.extractor.extract(grey, width, height, allowed)?;
+        self.cache.keep_features(&key, &made);
+        Ok(made)
+    }
+}
+
+/// A matcher whose matches are kept: pairs of pictures of a set that it matched before are not matched again.
+pub struct CachedMatcher<'a> {
+    /// Finds matches that are not there.
+    pub matcher: &'a dyn FeatureMatcher,
+    /// Tells the matcher with its options and networks apart from all others.
+    pub identity: &'a str,
+    /// What is kept.
+    pub cache: &'a FeatureCache,
+}
+
+impl FeatureMatcher for CachedMatcher<'_> {
+    fn name(&self) -> &'static str {
+        self.matcher.name()
+    }
+
+    fn depends_on_set(&self) -> bool {
+        self.matcher.depends_on_set()
+    }
+
+    fn matches(&self, first: &Features, second: &Features) -> Result<Matches, FeatureError> {
+        self.matcher.matches(first, second)
+    }
+
+    fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
+        let digests: Vec<Key> = pictures.iter().map(|one| Sha256::digest(encode_features(one)).into()).collect();
+        let mut set = begun(&[self.identity, self.matcher.name()]);
+        if self.matcher.depends_on_set() {
+            digests.iter().for_each(|digest| set.update(digest));
+        }
+        // What the pictures of a set have in common is only worked out where a pair is not known.
+        let inner = OnceLock::new();
+        Ok(Box::new(move |first, second| {
+            let mut digest = set.clone();
+            digest.update(digests[first]);
+            digest.update(digests[second]);
+            let key: Key = digest.finalize().into();
+            let counts = [pictures[first], pictures[second]].map(|one| one.keypoints.len());
+            if let Some(known) = self.cache.pair(&key).filter(|known| fits(known, counts)) {
+                return Ok(known);
+            }
+            let matcher: &Result<PairMatches<'a>, FeatureError> = inner.get_or_init(|| self.matcher.of_set(pictures));
+            let made = matcher.as_ref().map_err(Clone::clone)?(first, second)?;
+            self.cache.keep_pair(key, &made);
+            Ok(made)
+        }))
+    }
+}
+
+/// Whether matches name keypoints that are there.
+fn fits(matches: &Matches, counts: [usize; 2]) -> bool {
+    matches.iter().all(|&(a, b)| (a as usize) < counts[0] && (b as usize) < counts[1])
+}
+
+/// A digest of names, each with its length, so that no two lists give the same bytes.
+fn begun(names: &[&str]) -> Sha256 {
+    let mut digest = Sha256::new();
+    digest.update(VERSION.to_le_bytes());
+    for name in names {
+        digest.update((name.len() as u64).to_le_bytes());
+        digest.update(name);
+    }
+    digest
+}
