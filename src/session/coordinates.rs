@@ -8,7 +8,7 @@ use crate::scene::measure::LengthUnit;
 /// What the positions of a result are measured in: results with equal coordinates fit each other.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Coordinates {
-    /// Version of the result that its axes were chosen with; 0 = given cameras.
+    /// Version of the result that the axes were chosen with; [`Self::OF_GIVEN_CAMERAS`] where they were given.
     pub world: u64,
     /// What lengths were multiplied by since the axes were chosen, by setting the scale.
     pub scale: f64,
@@ -17,6 +17,9 @@ pub struct Coordinates {
 }
 
 impl Coordinates {
+    /// The world that given cameras stand in.
+    pub const OF_GIVEN_CAMERAS: u64 = 0;
+
     /// Coordinates that were chosen with a result, in metres or in an unknown unit.
     pub(super) fn chosen_with(version: u64, is_metric: bool) -> Self {
         Self { world: version, scale: 1.0, unit: if is_metric { LengthUnit::Metre } else { LengthUnit::World } }
@@ -35,7 +38,9 @@ impl Project {
         let record = self.results.get(&ResultKind::Cameras);
         let is_metric =
             || self.frames.iter().any(Frame::has_sensor_depth) || record.is_none_or(|record| !is_free(record));
-        record.and_then(|record| record.coordinates).unwrap_or_else(|| Coordinates::chosen_with(0, is_metric()))
+        record
+            .and_then(|record| record.coordinates)
+            .unwrap_or_else(|| Coordinates::chosen_with(Coordinates::OF_GIVEN_CAMERAS, is_metric()))
     }
 
     /// Coordinates of the labelled cloud and its surface, those of the cameras where there is no cloud; `None` where they are

@@ -3,8 +3,10 @@
 use egui::{Color32, Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, Pos2, Shape, TouchPhase, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
+use glam::Vec3;
 use ostra::app::{Asked, ClipSides, Panes};
 use ostra::masks::LabelId;
+use ostra::scene::measure::GroundChoice;
 use ostra::view::Coloring;
 
 use crate::desk::{Desk, drag, labels, press};
@@ -207,4 +209,27 @@ fn the_point_under_the_resting_pointer_tells_its_label() {
     let corner = harness.get_by_label("3-D view").rect().left_top() + Vec2::splat(8.0);
     harness.hover_at(corner);
     assert!(!(0..20).any(|_| tells(&mut harness)), "nothing lies there");
+}
+
+#[test]
+fn the_view_and_what_was_measured_follow_a_scale() {
+    let mut harness = shown();
+    let before = harness.state().shell.orbit().unwrap();
+    let desk = harness.state_mut();
+    desk.shell.view.ruler.in_hand = true;
+    desk.shell.view.ruler.points = vec![Vec3::ZERO, 0.4 * Vec3::X];
+    desk.shell.view.measures.wish.ground = GroundChoice::Plane { normal: [0.0, 0.0, 1.0], offset: 0.8 };
+    desk.shell.view.fuse.voxel = Some(0.02);
+    // As the window does when the frames of the project say that everything was scaled.
+    let mut cloud = ostra::scene::LabelledCloud::clone(desk.cloud.as_ref().unwrap());
+    cloud.scale_by(0.25);
+    desk.cloud = Some(std::sync::Arc::new(cloud));
+    desk.shell.scale_by(0.25);
+    harness.run_steps(3);
+    let (after, view) = (harness.state().shell.orbit().unwrap(), &harness.state().shell.view);
+    assert_eq!((after.distance, after.target), (0.25 * before.distance, 0.25 * before.target));
+    assert_eq!(after.rotation, before.rotation);
+    assert_eq!(view.ruler.points, [Vec3::ZERO, 0.1 * Vec3::X]);
+    assert_eq!(view.measures.wish.ground, GroundChoice::Plane { normal: [0.0, 0.0, 1.0], offset: 0.2 });
+    assert_eq!(view.fuse.voxel, Some(0.005));
 }

@@ -9,7 +9,7 @@ use crate::frames::{self, Frame, FrameStore, OpenRequest, Opened, PictureSource}
 use crate::session::jobs::{Kind, Landing};
 use crate::session::session::PIXEL_BYTES;
 use crate::session::store::Folder;
-use crate::session::{Edit, Event, JobId, NewProject, OpenProject, Project, Session};
+use crate::session::{Coordinates, Edit, Event, JobId, NewProject, OpenProject, Project, Session};
 
 impl Session {
     pub(in crate::session) fn new_project(&mut self, new: &NewProject) -> Result<JobId> {
@@ -62,6 +62,7 @@ impl Session {
             let Opened { frames, warnings } = read_frames(&new, &link.progress)?;
             let frames = with_free_names(frames, &project)?;
             Ok(Box::new(move |session: &mut Self| {
+                let frames = in_scene_scale(frames, &*session.snapshot()?);
                 let title = format!("Add {} frames", frames.len());
                 session.commit(&title, vec![Edit::AddFrames { frames }])?;
                 session.warn_all(warnings);
@@ -82,6 +83,16 @@ fn take_open(open: OpenProject, warnings: Vec<String>) -> Landing {
         session.warn_all(warnings);
         Ok(())
     })
+}
+
+/// Frames whose given cameras stand among given cameras that were scaled since.
+fn in_scene_scale(mut frames: Vec<Frame>, project: &Project) -> Vec<Frame> {
+    let coordinates = project.coordinates();
+    if coordinates.world == Coordinates::OF_GIVEN_CAMERAS {
+        let poses = frames.iter_mut().filter_map(|frame| frame.camera.as_mut()?.camera_from_world.as_mut());
+        poses.for_each(|pose| pose.translation *= coordinates.scale);
+    }
+    frames
 }
 
 fn full_path(path: &Path) -> Result<std::path::PathBuf> {
