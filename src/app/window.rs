@@ -252,7 +252,8 @@ impl Window {
 
     fn window_title(&self) -> String {
         let open = self.session.root().or(self.session.inspected()).and_then(Path::file_name);
-        open.map_or("OSTRA".into(), |name| format!("{} – OSTRA", name.to_string_lossy()))
+        let access = if self.session.view_reason().is_some() { " (viewing only)" } else { "" };
+        open.map_or("OSTRA".into(), |name| format!("{}{access} – OSTRA", name.to_string_lossy()))
     }
 
     /// Draws a picture or film of the 3-D view in the background.

@@ -58,6 +58,8 @@ pub(super) enum Verb {
     New(NewArgs),
     /// Put more frames into a project; nothing that is there changes.
     Add(AddArgs),
+    /// Point frames to the folder (or video) that their files were moved to.
+    Relocate(RelocateArgs),
     /// Make a label.
     Label(LabelArgs),
     /// Set what is given for a label on a frame (clicks, boxes) and segment it.
@@ -203,6 +205,16 @@ pub(super) struct AddArgs {
     pub project: PathBuf,
     #[command(flatten)]
     pub sources: SourceArgs,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct RelocateArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// Folder or video that is gone, as 'ostra info' names it.
+    pub from: PathBuf,
+    /// Where it is now; images must have the sizes that the frames had.
+    pub to: PathBuf,
 }
 
 #[derive(Debug, Args)]

@@ -11,8 +11,9 @@ use crate::session::Command;
 
 /// Lists the frames whose masks the vote contradicts, or accepts the vote on some.
 pub(super) fn doubt(args: &DoubtArgs) -> Result<()> {
-    let mut driver = Driver::open(&args.project)?;
-    if !args.accept.is_empty() {
+    let is_change = !args.accept.is_empty();
+    let mut driver = if is_change { Driver::open(&args.project)? } else { Driver::view(&args.project)? };
+    if is_change {
         let labels: Vec<LabelId> =
             args.label.iter().map(|name| label_id(driver.project()?, name)).collect::<Result<_>>()?;
         let accept = |&frame: &usize| Command::AcceptVote { frame, labels: labels.clone() };

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, bail};
 
 use super::print::{printable, say, warn};
 use crate::frames::{FilmOptions, Image};
@@ -34,10 +34,20 @@ impl Driver {
         Self { session: Session::new(), lines: ProgressLines::default() }
     }
 
-    /// A session with this project open.
+    /// A session with this project open for changes.
     pub(super) fn open(root: &Path) -> Result<Self> {
         let mut driver = Self::new();
         driver.act(Command::Open(root.to_owned()))?;
+        match driver.session.view_reason() {
+            None => Ok(driver),
+            Some(why) => bail!("{}: nothing can be changed: {why}", root.display()),
+        }
+    }
+
+    /// A session with this project open for viewing: nothing is written in its folder.
+    pub(super) fn view(root: &Path) -> Result<Self> {
+        let mut driver = Self::new();
+        driver.act(Command::View(root.to_owned()))?;
         Ok(driver)
     }
 
@@ -47,12 +57,19 @@ impl Driver {
         self.settle()
     }
 
-    /// Carries commands out one after another and saves.
+    /// Carries commands out one after another and saves. By then every step is in the journal: where the rest cannot be
+    /// written (a full disk), that is a warning, not a failure.
     pub(super) fn act_and_save(mut self, commands: impl IntoIterator<Item = Command>) -> Result<()> {
         for command in commands {
             self.act(command)?;
         }
-        self.session.save()
+        if let Err(error) = self.session.save() {
+            let text = format!("{error:#}").replace('\n', " ");
+            eprintln!(
+                "warning: {text}; what was done is safe in the project's journal, the next command writes the rest"
+            );
+        }
+        Ok(())
     }
 
     /// The open project.

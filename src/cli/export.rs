@@ -75,7 +75,7 @@ pub(super) struct ExportArgs {
 }
 
 pub(super) fn export(args: ExportArgs) -> Result<()> {
-    let driver = Driver::open(&args.project)?;
+    let driver = Driver::view(&args.project)?;
     let angles = args.angle.chunks_exact(2).map(|pair| angle(driver.project()?, pair)).collect::<Result<_>>()?;
     let ground = args.ground.as_deref().map_or(Ok(GroundChoice::Fitted), |text| ground(driver.project()?, text))?;
     let request = ExportRequest {

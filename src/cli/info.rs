@@ -1,4 +1,5 @@
 use std::fmt::Write as _;
+use std::path::Path;
 
 use anyhow::Result;
 use serde_json::{Value, json};
@@ -6,18 +7,30 @@ use serde_json::{Value, json};
 use super::args::InfoArgs;
 use super::drive::Driver;
 use super::print::{say, say_json};
-use crate::frames::Frame;
+use crate::frames::{Frame, missing_sources};
 use crate::session::{MaskOrigin, Project, ResultKind};
 
 pub(super) fn info(args: &InfoArgs) -> Result<()> {
-    let driver = Driver::open(&args.project)?;
+    let driver = Driver::view(&args.project)?;
     let project = driver.project()?;
+    warn_of_missing(&missing_sources(&project.frames));
     if args.json {
         say_json(&as_json(project));
     } else {
         say(&as_text(project));
     }
     Ok(())
+}
+
+fn warn_of_missing(missing: &[&Path]) {
+    if let Some(first) = missing.first() {
+        eprintln!(
+            "warning: {} source files of the frames are missing, the first is {}; if they were moved, run 'ostra relocate \
+             PROJECT OLD_FOLDER NEW_FOLDER'",
+            missing.len(),
+            first.display()
+        );
+    }
 }
 
 /// What a project holds, as `info --json` prints it.

@@ -46,11 +46,12 @@ pub(super) fn ground(args: &GroundArgs) -> Result<()> {
 
 pub(super) fn masks(args: MasksArgs) -> Result<()> {
     let (dir, format, overwrite) = (args.dir, args.format, args.overwrite);
-    let command = match args.verb {
-        MasksVerb::Import => Command::ImportMasks { dir, format },
-        MasksVerb::Export => Command::ExportMasks { dir, format, overwrite },
-    };
-    Driver::open(&args.project)?.act_and_save([command])
+    match args.verb {
+        MasksVerb::Import => Driver::open(&args.project)?.act_and_save([Command::ImportMasks { dir, format }]),
+        MasksVerb::Export => {
+            Driver::view(&args.project)?.act_and_save([Command::ExportMasks { dir, format, overwrite }])
+        }
+    }
 }
 
 pub(super) fn trace(args: TraceArgs) -> Result<()> {

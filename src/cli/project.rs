@@ -1,6 +1,6 @@
 use anyhow::{Context, Result};
 
-use super::args::{AdoptArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, ScaleArgs, TrackArgs, Way};
+use super::args::{AdoptArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, RelocateArgs, ScaleArgs, TrackArgs, Way};
 use super::drive::Driver;
 use crate::masks::{Direction, LabelId};
 use crate::session::{
@@ -11,6 +11,11 @@ use crate::session::{
 /// Gives pieces without a label to what they hang on; the session tells how many.
 pub(super) fn adopt(args: &AdoptArgs) -> Result<()> {
     Driver::open(&args.project)?.act_and_save([Command::Adopt(AdoptRequest { radius: args.radius })])
+}
+
+/// Points frames to where their files were moved.
+pub(super) fn relocate(args: RelocateArgs) -> Result<()> {
+    Driver::open(&args.project)?.act_and_save([Command::Relocate { from: args.from, to: args.to }])
 }
 
 pub(super) fn label(args: LabelArgs) -> Result<()> {

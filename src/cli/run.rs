@@ -42,6 +42,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
             let new = sources::new_project(args.project.clone(), args.sources, of_verb(matches)?)?;
             Driver::open(&args.project)?.act_and_save([Command::AddFrames(new)])
         }
+        Verb::Relocate(args) => project::relocate(args),
         Verb::Label(args) => project::label(args),
         Verb::Prompt(args) => masks::prompt(&args),
         Verb::Trace(args) => masks::trace(args),
@@ -82,7 +83,7 @@ fn run_recipe(path: &Path) -> Result<()> {
 }
 
 fn suggest(project: &Path, frame: Option<usize>) -> Result<()> {
-    let mut driver = Driver::open(project)?;
+    let mut driver = Driver::view(project)?;
     let propose = |frame| Command::Propose { frame, segmenter: "auto".into() };
     driver.act(frame.map_or(Command::Suggest, propose))?;
     for found in driver.suggestions() {

@@ -11,7 +11,7 @@ use crate::session::export_targets::ExportTargets;
 use crate::view::{Appearance, Axes, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png};
 
 pub(super) fn shot(args: &ShotArgs) -> Result<()> {
-    let mut driver = Driver::open(&args.project)?;
+    let mut driver = Driver::view(&args.project)?;
     for file in std::iter::once(&args.out).chain(&args.turntable) {
         driver.check_export(file, args.overwrite)?;
     }

@@ -15,7 +15,7 @@ pub enum FrameError {
         source: std::io::Error,
     },
     /// A source file or folder is gone.
-    #[error("{}: is not there; if it was moved, point the project to its new place", path.display())]
+    #[error("{}: is not there; if it was moved, run 'ostra relocate PROJECT OLD NEW' or choose File › Frames were moved", path.display())]
     Missing {
         /// The file or folder.
         path: PathBuf,

@@ -32,5 +32,5 @@ pub use frame_set::FrameSet;
 pub use image::{DepthMap, Image};
 pub use made_depth::MadeDepth;
 pub use open::{FrameFolder, OpenRequest, Opened, natural_order, open, open_more};
-pub use relocate::{missing_sources, relocate};
+pub use relocate::{check_source, missing_sources, relocate, sources, sources_mut};
 pub use store::FrameStore;

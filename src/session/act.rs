@@ -21,6 +21,7 @@ impl Session {
         match command {
             Command::New(new) => self.new_project(new).map(Some),
             Command::Open(root) => self.open_project(root).map(Some),
+            Command::View(root) => self.view_project(root).map(Some),
             Command::Inspect(path) => self.inspect(path).map(Some),
             Command::Close => Ok({
                 self.close();

@@ -103,7 +103,8 @@ impl Project {
         Ok(Edit::SetMask { frame, mask: before })
     }
 
-    fn check_mask(&self, frame: &Frame, mask: &FrameMask) -> Result<()> {
+    /// Refuses a mask that does not fit its frame or the project's labels.
+    pub(super) fn check_mask(&self, frame: &Frame, mask: &FrameMask) -> Result<()> {
         let (runs, name) = (&mask.runs, &frame.name);
         ensure!(
             (runs.width, runs.height) == (frame.width, frame.height),

@@ -4,11 +4,12 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail, ensure};
 
 use super::jobs::{Kind, Landing};
 use super::store::{cloud_path, mesh_path, version_in_force, votes_path};
 use super::{Event, JobId, ResultKind, Session};
+use crate::frames::Frame;
 use crate::scene::LabelledCloud;
 use crate::scene::fuse::{Votes, read_votes};
 use crate::scene::ply::read_ply;
@@ -112,13 +113,18 @@ impl Session {
         }
         self.cloud.tried = version;
         let (Some(version), Some(root)) = (version, self.root().map(Path::to_owned)) else { return };
+        let frames = self.project().map(|project| Arc::clone(&project.frames)).unwrap_or_default();
         self.start("Load cloud", Kind::Short, move |link| {
             let path = cloud_path(&root, version);
             let read = read_ply(&path, &link.progress)
                 .with_context(|| "the cloud of this step is not kept any more; fuse again")?;
-            let votes = read_votes_file(&votes_path(&root, version)).ok();
+            let (votes, why) = match read_votes_on(&votes_path(&root, version), read.cloud.len(), &frames) {
+                Ok(votes) => (Some(votes), None),
+                Err(error) => (None, Some(format!("{error:#}; the cloud is shown without its votes"))),
+            };
             Ok(Box::new(move |session: &mut Self| {
                 session.cloud.put(Some(version), read.cloud, votes);
+                session.warn_all(why.into_iter().collect());
                 session.events.push(Event::CloudChanged);
                 Ok(())
             }) as Landing)
@@ -141,7 +147,26 @@ impl Session {
     }
 }
 
-pub(super) fn read_votes_file(path: &Path) -> Result<Votes> {
+/// Reads the votes on a cloud or mesh of so many points.
+///
+/// # Errors
+/// When the file is missing or damaged, or belongs to other points or frames: a program may have replaced one of the files.
+pub(super) fn read_votes_on(path: &Path, points: usize, frames: &[Frame]) -> Result<Votes> {
+    let votes = read_votes_file(path)?;
+    ensure!(
+        votes.len() == points,
+        "{}: has votes on {} points, but there are {points}; fuse again",
+        path.display(),
+        votes.len()
+    );
+    let unknown = votes.frames().find(|&frame| frame >= frames.len());
+    if let Some(frame) = unknown {
+        bail!("{}: names frame {frame}, but the project has {} frames; fuse again", path.display(), frames.len());
+    }
+    Ok(votes)
+}
+
+fn read_votes_file(path: &Path) -> Result<Votes> {
     let file = File::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     read_votes(BufReader::new(file)).with_context(|| format!("{}: is damaged; fuse again", path.display()))
 }

@@ -15,8 +15,10 @@ use crate::masks::{Direction, LabelId};
 pub enum Command {
     /// Makes a project folder from sources and opens it.
     New(NewProject),
-    /// Opens a project folder.
+    /// Opens a project folder; for viewing where it cannot be written.
     Open(PathBuf),
+    /// Opens a project folder for viewing: nothing is written there.
+    View(PathBuf),
     /// Opens a labelled PLY alone, for inspection.
     Inspect(PathBuf),
     /// Closes what is open.

@@ -4,6 +4,7 @@ use std::time::SystemTime;
 
 use sha2::{Digest, Sha256};
 
+use crate::engine::disk;
 use crate::engine::nn::models_folder;
 use crate::frames::Image;
 use crate::masks::MaskError;
@@ -44,23 +45,24 @@ impl Embeddings {
             return Ok(known);
         }
         let made = embed()?;
+        // Without it the next run embeds the image again, nothing else.
         let _ = self.put(&path, &made.to_bytes());
         Ok(made)
     }
 
-    /// Written under another name first: a reader sees all of it or nothing.
     fn put(&self, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
         fs::create_dir_all(&self.folder)?;
-        let temporary = path.with_extension(format!("{}.tmp", std::process::id()));
-        fs::write(&temporary, bytes).and_then(|()| fs::rename(&temporary, path)).inspect_err(|_| {
-            let _ = fs::remove_file(&temporary);
-        })?;
+        disk::remove_leftovers(&self.folder, false);
+        disk::write(path, bytes)?;
         self.make_room()
     }
 
     /// Drops what was not used for longest until the rest is within the budget.
     fn make_room(&self) -> std::io::Result<()> {
         let file = |entry: fs::DirEntry| {
+            if disk::is_temporary(&entry.file_name()) {
+                return None;
+            }
             let about = entry.metadata().ok()?;
             Some((about.modified().ok()?, about.len(), entry.path()))
         };

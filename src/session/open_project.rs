@@ -151,16 +151,26 @@ impl OpenProject {
     /// A number for the files of a result in the making; its folder is there.
     ///
     /// # Errors
-    /// When the folder cannot be made.
+    /// When the folder cannot be made, or the project is open for viewing.
     pub fn next_version(&self) -> Result<u64> {
+        self.folder.check_writable()?;
         store::next_version(self.root(), &self.project, &self.history)
     }
 
-    /// Puts the files of the results in force under their plain names.
+    /// Why no step can be made; `None` where the project is open for writing.
+    #[must_use]
+    pub fn view_reason(&self) -> Option<&str> {
+        self.folder.view_reason()
+    }
+
+    /// Puts the files of the results in force under their plain names, unless the project is open for viewing.
     ///
     /// # Errors
     /// When a file cannot be put in place.
     pub fn publish(&mut self) -> Result<()> {
+        if self.view_reason().is_some() {
+            return Ok(());
+        }
         let version = store::version_in_force(&self.project, ResultKind::Cloud);
         if self.published != Some(version) {
             store::publish_cloud(self.root(), version)?;

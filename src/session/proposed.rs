@@ -33,7 +33,7 @@ impl Session {
         self.start("Look for instances", Kind::Short, move |link| {
             let loaded = match loaded {
                 Some(loaded) => loaded,
-                None => load_cloud(&root, state.version, &link.progress)?,
+                None => load_cloud(&root, state.version, &project.frames, &link.progress)?,
             };
             let (cloud, _) = cloud_of_now((&project, &store), loaded, &link.progress)?;
             let found = found_instances(&project.labels, &cloud, &request, &link.progress)?;

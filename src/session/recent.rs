@@ -1,5 +1,7 @@
 use std::path::{Path, PathBuf};
 
+use crate::engine::disk;
+
 /// Projects opened before, latest first, kept in the system's data folder (`XDG_DATA_HOME` is honoured).
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Recent {
@@ -38,7 +40,7 @@ impl Recent {
         if let Some(file) = &self.file {
             let lines: Vec<String> = self.paths.iter().map(|path| path.display().to_string()).collect();
             let _ = file.parent().map(std::fs::create_dir_all);
-            let _ = std::fs::write(file, lines.join("\n"));
+            let _ = disk::write(file, lines.join("\n").as_bytes());
         }
     }
 }

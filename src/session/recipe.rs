@@ -1,10 +1,10 @@
-use std::fs::OpenOptions;
-use std::io::{ErrorKind, Write};
+use std::io::{ErrorKind, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use anyhow::{Context, Result};
 
 use super::{Command, Event, Recipe, Session};
+use crate::engine::disk;
 
 /// The commands of a project in its folder, one a line, oldest first, over all sittings.
 const FILE: &str = "recipe.jsonl";
@@ -26,19 +26,20 @@ impl Session {
         let mut told = Ok(());
         match &command {
             Command::New(_) | Command::Close | Command::Inspect(_) => self.recipe.commands.clear(),
-            Command::Open(root) => (self.recipe.commands, told) = read(root),
+            Command::Open(root) | Command::View(root) => (self.recipe.commands, told) = read(root),
             _ => {}
         }
         let is_step = match &command {
             Command::Close => false,
-            Command::Open(_) => self.recipe.commands.is_empty(),
+            Command::Open(_) | Command::View(_) => self.recipe.commands.is_empty(),
             _ => true,
         };
         if is_step {
-            let is_opening = matches!(command, Command::Open(_));
+            let is_opening = matches!(command, Command::Open(_) | Command::View(_));
             self.recipe.commands.push(command);
-            // A project that is only opened is left as it is.
-            told = told.and(if is_opening { Ok(()) } else { self.write_last_step() });
+            // A project that is only opened is left as it is, and so is one that is open for viewing.
+            let is_kept = !is_opening && self.view_reason().is_none();
+            told = told.and(if is_kept { self.write_last_step() } else { Ok(()) });
         }
         if let Err(error) = told {
             self.events.push(Event::Warning(format!("{error:#}; the recipe lacks steps")));
@@ -57,11 +58,13 @@ impl Session {
                 .iter()
                 .map(|command| Ok(format!("\n{}", serde_json::to_string(command)?)))
                 .collect::<Result<_>>()?;
-            let file = OpenOptions::new().create(true).write(true).append(!is_new).truncate(is_new).open(&path)?;
-            let before = file.metadata()?.len();
-            // What a full disk cut off is taken back: half a line would be told of as damage at every later opening,
-            // and a file of the first step would not be written whole at the next one.
-            let take_back = |_: &_| drop(if is_new { std::fs::remove_file(&path) } else { file.set_len(before) });
+            if is_new {
+                return Ok(disk::write(&path, lines.concat().as_bytes())?);
+            }
+            let mut file = disk::open_in_place(&path)?;
+            let before = file.seek(SeekFrom::End(0))?;
+            // What a full disk cut off is taken back: half a line would be reported as damage at every later opening.
+            let take_back = |_: &_| drop(file.set_len(before));
             Ok((&file).write_all(lines.concat().as_bytes()).inspect_err(take_back)?)
         };
         write().with_context(|| format!("{}: cannot be written", path.display()))

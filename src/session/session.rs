@@ -126,6 +126,12 @@ impl Session {
         self.open.as_ref().map(OpenProject::root)
     }
 
+    /// Why no step can be made in the open project; `None` where it is open for writing.
+    #[must_use]
+    pub fn view_reason(&self) -> Option<&str> {
+        self.open.as_ref()?.view_reason()
+    }
+
     /// The labelled PLY that is open alone.
     #[must_use]
     pub fn inspected(&self) -> Option<&Path> {

@@ -2,13 +2,13 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 
-use super::cloud::{CloudState, read_votes_file};
+use super::cloud::{CloudState, read_votes_on};
 use super::jobs::{Kind, Landing};
 use super::on_demand::OnDemand;
 use super::store::{cloud_path, mesh_path, mesh_votes_path, version_in_force, votes_path};
 use super::{Event, JobId, Project, ResultKind, Session};
 use crate::engine::job::Progress;
-use crate::frames::FrameStore;
+use crate::frames::{Frame, FrameStore};
 use crate::scene::fuse::{ProjectViews, Votes, vote_again};
 use crate::scene::ply::{read_mesh, read_ply};
 use crate::scene::{LabelledCloud, LabelledMesh, voxel_faces, voxelize};
@@ -88,7 +88,9 @@ impl Session {
             let drawn = match surface {
                 Surface::Mesh => {
                     let mesh = read_mesh(&mesh_path(&root, version), &link.progress).context(NOT_KEPT)?;
-                    let votes = read_votes_file(&mesh_votes_path(&root, version)).ok().filter(|_| state.round > 0);
+                    let path = mesh_votes_path(&root, version);
+                    let votes = read_votes_on(&path, mesh.vertices.len(), &project.frames);
+                    let votes = votes.ok().filter(|_| state.round > 0);
                     match votes {
                         Some(votes) => voted_again(mesh, &votes, (&project, &store), &link.progress)?.split_at_labels(),
                         None => mesh.split_at_labels(),
@@ -97,7 +99,7 @@ impl Session {
                 Surface::Voxels => {
                     let (cloud, votes) = match loaded {
                         Some(loaded) => loaded,
-                        None => load_cloud(&root, version, &link.progress)?,
+                        None => load_cloud(&root, version, &project.frames, &link.progress)?,
                     };
                     voxel_faces(&voxelize(&cloud, Some(&votes), voxel)?, voxel)
                 }
@@ -130,8 +132,10 @@ fn voted_again(
 pub(super) fn load_cloud(
     root: &std::path::Path,
     version: u64,
+    frames: &[Frame],
     progress: &Progress,
 ) -> Result<(Arc<LabelledCloud>, Arc<Votes>)> {
     let cloud = read_ply(&cloud_path(root, version), progress).context(NOT_KEPT)?.cloud;
-    Ok((Arc::new(cloud), Arc::new(read_votes_file(&votes_path(root, version))?)))
+    let votes = read_votes_on(&votes_path(root, version), cloud.len(), frames)?;
+    Ok((Arc::new(cloud), Arc::new(votes)))
 }

@@ -10,7 +10,7 @@ use ostra::scene::ply::{Coloring, read_ply, save_ply};
 use serde_json::Value;
 use tempfile::TempDir;
 
-fn ostra(args: &[&str]) -> Output {
+pub(super) fn ostra(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_ostra"))
         .args(args)
         .env_remove("DISPLAY")

@@ -39,7 +39,9 @@ fn opened(root: &Path) -> Session {
     session.act(Command::Open(root.to_owned())).unwrap();
     let events = session.settle(|_| ControlFlow::Continue(()));
     assert!(events.iter().any(|event| matches!(event, Event::Opened(_))), "{events:?}");
-    let warnings = events.iter().filter(|event| matches!(event, Event::Warning(_)));
+    // A kill in the middle of a line is reported; nothing else is out of order.
+    let is_torn = |text: &String| text.contains("journal.jsonl: its last line is incomplete");
+    let warnings = events.iter().filter(|event| matches!(event, Event::Warning(text) if !is_torn(text)));
     assert_eq!(warnings.count(), 0, "{events:?}");
     session
 }

@@ -29,12 +29,7 @@ impl AtomicFile {
         if fs::metadata(target).is_ok_and(|found| !found.is_file()) {
             return Err(Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
         }
-        let name = target.file_name().ok_or_else(|| Error::new(ErrorKind::InvalidInput, "it has no file name"))?;
-        let mut prefix = OsString::from(PREFIX);
-        // Names may be as long as the file system allows; the temporary one needs room for more.
-        prefix.push(name.to_string_lossy().chars().take(32).collect::<String>());
-        prefix.push(".");
-        let file = builder(&prefix).tempfile_in(folder_of(target))?;
+        let file = builder(&prefix_for(target)?).tempfile_in(folder_of(target))?;
         // Some network file systems have no locks; there a leftover is only recognised by its name.
         let _ = file.as_file().try_lock();
         Ok(Self { file, target: target.to_owned() })
@@ -112,11 +107,21 @@ impl WorkFolder {
     }
 }
 
-fn folder_of(target: &Path) -> &Path {
+/// How the temporary name of a file begins.
+pub(super) fn prefix_for(target: &Path) -> Result<OsString> {
+    let name = target.file_name().ok_or_else(|| Error::new(ErrorKind::InvalidInput, "it has no file name"))?;
+    let mut prefix = OsString::from(PREFIX);
+    // Names may be as long as the file system allows; the temporary one needs room for more.
+    prefix.push(name.to_string_lossy().chars().take(32).collect::<String>());
+    prefix.push(".");
+    Ok(prefix)
+}
+
+pub(super) fn folder_of(target: &Path) -> &Path {
     target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-fn builder(prefix: &OsString) -> Builder<'_, 'static> {
+pub(super) fn builder(prefix: &OsString) -> Builder<'_, 'static> {
     let mut builder = Builder::new();
     builder.prefix(prefix).suffix(SUFFIX).rand_bytes(12);
     #[cfg(unix)]
@@ -129,7 +134,7 @@ fn builder(prefix: &OsString) -> Builder<'_, 'static> {
 }
 
 /// Makes the rename durable, where the system can.
-fn sync_folder(folder: &Path) {
+pub(super) fn sync_folder(folder: &Path) {
     #[cfg(unix)]
     if let Ok(folder) = File::open(folder) {
         let _ = folder.sync_all();

@@ -3,7 +3,11 @@
 //! May use: std, tempfile. Must not touch: any domain word.
 
 mod atomic;
+mod in_place;
 mod leftovers;
+mod second_name;
 
 pub use atomic::{AtomicFile, WorkFolder, write};
+pub use in_place::open_in_place;
 pub use leftovers::{is_temporary, remove_leftovers};
+pub use second_name::link;

@@ -25,7 +25,7 @@ impl Session {
         Ok(self.start("Accept the vote", Kind::Short, move |link| {
             let loaded = match loaded {
                 Some(loaded) => loaded,
-                None => load_cloud(&root, version, &link.progress)?,
+                None => load_cloud(&root, version, &project.frames, &link.progress)?,
             };
             let (cloud, votes) = cloud_of_now((&project, &store), loaded, &link.progress)?;
             let voted = by_vote((&project, &store), (&cloud, &votes), number, &labels)?;

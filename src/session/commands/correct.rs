@@ -114,7 +114,8 @@ impl Session {
 impl Correcting {
     /// The cloud in force with the labels of the masks as they were when the work began.
     pub(super) fn cloud_of_now(&self, progress: &Progress) -> Result<(Arc<LabelledCloud>, Arc<Votes>)> {
-        let loaded = self.before.load(progress)?.context("it is not known who voted; fuse again")?;
+        let loaded =
+            self.before.load(&self.project.frames, progress)?.context("it is not known who voted; fuse again")?;
         Ok(cloud_of_now((&self.project, &self.store), loaded, progress)?)
     }
 

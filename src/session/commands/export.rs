@@ -13,7 +13,7 @@ use crate::scene::formats::{CloudFormat, MeshFormat, VoxelFormat};
 use crate::scene::fuse::Votes;
 use crate::scene::measure::LengthUnit;
 use crate::scene::ply::{label_paths, read_ply, twin_path};
-use crate::session::cloud::read_votes_file;
+use crate::session::cloud::read_votes_on;
 use crate::session::export_targets::ExportTargets;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::store::{cloud_path, load_sparse, version_in_force, votes_path};
@@ -295,9 +295,10 @@ impl Sources {
         self.cloud.as_ref().map_or_else(|| self.project.labels.clone(), |cloud| self.tree_of_today(&cloud.tree))
     }
 
-    /// How the cloud was voted on; `None` for a PLY that is inspected.
-    pub(super) fn votes(&self) -> Result<Option<Arc<Votes>>> {
-        let read = || self.votes_file.as_deref().map(read_votes_file).transpose();
+    /// How the cloud of so many points was voted on; `None` for a PLY that is inspected.
+    pub(super) fn votes(&self, points: usize) -> Result<Option<Arc<Votes>>> {
+        let of = |path: &Path| read_votes_on(path, points, &self.project.frames);
+        let read = || self.votes_file.as_deref().map(of).transpose();
         if self.cloud_votes.is_some() { Ok(self.cloud_votes.clone()) } else { Ok(read()?.map(Arc::new)) }
     }
 }

@@ -68,7 +68,7 @@ pub(super) fn write_voxels(
     let format = VoxelFormat::of(path)?;
     let (mesh, voxel) = sources.surface.as_ref().context("the cloud has no surface")?;
     progress.stage("write voxels")?;
-    let mut voxels = voxelize(cloud, sources.votes()?.as_deref(), *voxel)?;
+    let mut voxels = voxelize(cloud, sources.votes(cloud.len())?.as_deref(), *voxel)?;
     if request.solid {
         let surface = read_mesh(mesh, progress).context("the project's mesh is gone; fuse again")?;
         let views = ProjectViews { frames: &sources.project.frames, store: &sources.store, masks: &|_| None };

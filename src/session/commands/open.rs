@@ -8,7 +8,7 @@ use crate::frames::cameras::{GivenCameras, attach_intrinsics};
 use crate::frames::{self, Frame, FrameStore, OpenRequest, Opened, PictureSource};
 use crate::session::jobs::{Kind, Landing};
 use crate::session::session::PIXEL_BYTES;
-use crate::session::store::Folder;
+use crate::session::store::{Folder, Loaded, LockError};
 use crate::session::{Coordinates, Edit, Event, JobId, NewProject, OpenProject, Project, Session};
 
 impl Session {
@@ -28,7 +28,17 @@ impl Session {
         let root = full_path(root)?;
         ensure!(self.root() != Some(root.as_path()), "{}: is open already", root.display());
         Ok(self.start("Open project", Kind::Short, move |link| {
-            let mut loaded = Folder::open(&root, &link.progress)?;
+            let mut loaded = open_or_view(&root, &link.progress)?;
+            let warnings = std::mem::take(&mut loaded.warnings);
+            Ok(take_open(OpenProject::loaded(loaded), warnings))
+        }))
+    }
+
+    pub(in crate::session) fn view_project(&mut self, root: &Path) -> Result<JobId> {
+        let root = full_path(root)?;
+        ensure!(self.root() != Some(root.as_path()), "{}: is open already", root.display());
+        Ok(self.start("Open project", Kind::Short, move |link| {
+            let mut loaded = Folder::view(&root, "it was opened only to look at it", &link.progress)?;
             let warnings = std::mem::take(&mut loaded.warnings);
             Ok(take_open(OpenProject::loaded(loaded), warnings))
         }))
@@ -70,6 +80,20 @@ impl Session {
             }))
         }))
     }
+}
+
+/// Opens a project for writing, or for viewing where its folder cannot be written (read-only media); a warning says so.
+fn open_or_view(root: &Path, progress: &Progress) -> Result<Loaded> {
+    let error = match Folder::open(root, progress) {
+        Ok(loaded) => return Ok(loaded),
+        Err(error) => error,
+    };
+    if !matches!(error.downcast_ref(), Some(LockError::NotWritable { .. })) {
+        return Err(error);
+    }
+    let mut loaded = Folder::view(root, "its folder cannot be written; copy it to one with write access", progress)?;
+    loaded.warnings.insert(0, format!("{error:#}; it is open for viewing"));
+    Ok(loaded)
 }
 
 /// Puts a project in the place of what is open.

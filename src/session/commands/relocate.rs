@@ -1,16 +1,20 @@
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf, absolute};
 
 use anyhow::{Context, Result, bail};
 
-use crate::frames::{DepthSource, Frame, PictureSource};
+use crate::frames::{Frame, check_source, sources, sources_mut};
 use crate::session::jobs::Kind;
-use crate::session::{Edit, JobId, Session};
+use crate::session::store::joined;
+use crate::session::{Edit, Event, JobId, Session};
+
+/// How many folders of sources a message names.
+const NAMED: usize = 3;
 
 impl Session {
     pub(in crate::session) fn relocate(&mut self, from: &Path, to: &Path) -> Result<JobId> {
         let project = self.snapshot()?;
-        let from = absolute(from).with_context(|| format!("{}: is no path", from.display()))?;
-        let to = absolute(to).with_context(|| format!("{}: is no path", to.display()))?;
+        let (from, to) = (plain(from)?, plain(to)?);
         Ok(self.start("Look for moved frames", Kind::Short, move |link| {
             let mut edits = Vec::new();
             for (number, frame) in project.frames.iter().enumerate() {
@@ -20,33 +24,59 @@ impl Session {
                 }
             }
             if edits.is_empty() {
-                bail!("no frame comes from {}; name the folder that 'info' or the message shows", from.display());
+                let folders = folders(&project.frames);
+                bail!("no frame comes from {}; their sources are in {folders}: name one of these", from.display());
             }
-            let title = format!("Frames moved to {}", to.display());
-            Ok(Box::new(move |session: &mut Self| session.commit(&title, edits)))
+            let (count, place) = (edits.len(), to.display().to_string());
+            Ok(Box::new(move |session: &mut Self| {
+                session.commit(&format!("Frames moved to {place}"), edits)?;
+                session.events.push(Event::Notice(format!("{count} frames are read from {place} now")));
+                Ok(())
+            }))
         }))
     }
 }
 
-/// The frame with the sources that lay below `from` below `to`; `None` when none did.
+/// The path as a project records it: absolute, without `..`.
+fn plain(path: &Path) -> Result<PathBuf> {
+    let absolute = absolute(path).with_context(|| format!("{}: cannot be a path", path.display()))?;
+    Ok(joined(Path::new(""), &absolute))
+}
+
+/// The frame with the sources that were below `from` below `to`; `None` when none was. Every file there must be one that
+/// the frame can have been made of.
 fn moved(frame: &Frame, from: &Path, to: &Path) -> Result<Option<Frame>> {
-    let mut value = frame.clone();
-    let mut places: Vec<&mut PathBuf> = Vec::new();
-    match &mut value.picture {
-        PictureSource::File { path, .. } | PictureSource::Film { path, .. } => places.push(path),
-    }
-    if let Some(DepthSource::Sensor { path, .. }) = &mut value.depth {
-        places.push(path);
-    }
-    let mut any = false;
-    for place in places {
-        let Ok(below) = place.strip_prefix(from) else { continue };
-        let new = if below.as_os_str().is_empty() { to.to_owned() } else { to.join(below) };
-        if !new.is_file() {
-            bail!("{}: is missing; the frames cannot lie below {}", new.display(), to.display());
+    let place = |path: &Path| {
+        let path = joined(Path::new(""), path);
+        let below = path.strip_prefix(from).ok()?;
+        Some(if below.as_os_str().is_empty() { to.to_owned() } else { to.join(below) })
+    };
+    let places: Vec<Option<PathBuf>> = sources(frame).map(place).collect();
+    for (number, new) in places.iter().enumerate() {
+        if let Some(new) = new {
+            if !new.is_file() {
+                bail!(
+                    "{}: is missing; give the folder that has the same files as {} had",
+                    new.display(),
+                    from.display()
+                );
+            }
+            check_source(frame, number, new)?;
         }
-        *place = new;
-        any = true;
     }
-    Ok(any.then_some(value))
+    let mut value = frame.clone();
+    for (path, new) in sources_mut(&mut value).zip(&places) {
+        if let Some(new) = new {
+            path.clone_from(new);
+        }
+    }
+    Ok(places.iter().any(Option::is_some).then_some(value))
+}
+
+/// The first folders that frames are read from.
+fn folders(frames: &[Frame]) -> String {
+    let all: BTreeSet<&Path> = frames.iter().flat_map(sources).filter_map(Path::parent).collect();
+    let named: Vec<String> = all.iter().take(NAMED).map(|folder| folder.display().to_string()).collect();
+    let more = if all.len() > NAMED { format!(" and {} more folders", all.len() - NAMED) } else { String::new() };
+    named.join(", ") + &more
 }

@@ -6,10 +6,11 @@ use anyhow::{Context, Result};
 use sha2::{Digest, Sha256};
 
 use crate::engine::job::Progress;
+use crate::frames::Frame;
 use crate::scene::fuse::{Fused, ProjectViews, Votes, vote_again};
 use crate::scene::ply::{read_mesh, read_ply};
 use crate::scene::{LabelledCloud, LabelledMesh};
-use crate::session::cloud::read_votes_file;
+use crate::session::cloud::read_votes_on;
 use crate::session::store::{cloud_path, mesh_path, mesh_votes_path, version_in_force, votes_path};
 use crate::session::{FuseRequest, Project, ResultKind, ResultRecord};
 
@@ -49,26 +50,37 @@ impl VotedBefore {
     }
 
     /// The cloud with its votes; `None` where it is not known who voted.
-    pub(super) fn load(&self, progress: &Progress) -> Result<Option<(Arc<LabelledCloud>, Arc<Votes>)>> {
+    ///
+    /// # Errors
+    /// When a file is damaged, or they do not belong together.
+    pub(super) fn load(
+        &self,
+        frames: &[Frame],
+        progress: &Progress,
+    ) -> Result<Option<(Arc<LabelledCloud>, Arc<Votes>)>> {
         let (cloud, votes) = match &self.loaded {
             Some((cloud, votes)) => (Arc::clone(cloud), Arc::clone(votes)),
             None => {
-                let Ok(votes) = read_votes_file(&votes_path(&self.root, self.record.version)) else { return Ok(None) };
-                let read = read_ply(&cloud_path(&self.root, self.record.version), progress)?;
-                (Arc::new(read.cloud), Arc::new(votes))
+                let version = self.record.version;
+                let cloud = read_ply(&cloud_path(&self.root, version), progress)?.cloud;
+                let votes = read_votes_on(&votes_path(&self.root, version), cloud.len(), frames)?;
+                (Arc::new(cloud), Arc::new(votes))
             }
         };
         Ok(can_vote_again(&votes).then_some((cloud, votes)))
     }
 
-    /// The cloud, voted on anew; `None` where it is not known who voted.
+    /// The cloud, voted on again; `None` where it is not known who voted, or its files cannot be used.
     pub(super) fn cloud(
         &self,
         views: &ProjectViews<'_>,
         project: &Project,
         progress: &Progress,
     ) -> Result<Option<Fused>> {
-        let Some((cloud, votes)) = self.load(progress)? else { return Ok(None) };
+        let loaded = self.load(views.frames, progress);
+        progress.check()?;
+        // What cannot be read is made again by those who can.
+        let Ok(Some((cloud, votes))) = loaded else { return Ok(None) };
         Ok(Some(vote_again(&cloud, &votes, views, &project.labels, progress)?))
     }
 
@@ -80,9 +92,14 @@ impl VotedBefore {
         progress: &Progress,
     ) -> Result<Option<(LabelledMesh, Votes)>> {
         let version = self.record.version;
-        let votes = read_votes_file(&mesh_votes_path(&self.root, version)).ok().filter(can_vote_again);
-        let Some(votes) = votes.filter(|_| self.record.voxel.is_some()) else { return Ok(None) };
-        let mesh = read_mesh(&mesh_path(&self.root, version), progress)?;
+        if self.record.voxel.is_none() {
+            return Ok(None);
+        }
+        let mesh = read_mesh(&mesh_path(&self.root, version), progress);
+        progress.check()?;
+        let Ok(mesh) = mesh else { return Ok(None) };
+        let votes = read_votes_on(&mesh_votes_path(&self.root, version), mesh.vertices.len(), views.frames).ok();
+        let Some(votes) = votes.filter(can_vote_again) else { return Ok(None) };
         let voted = vote_again(&mesh.vertices, &votes, views, &project.labels, progress)?;
         Ok(Some((LabelledMesh { vertices: voted.cloud, ..mesh }, voted.votes)))
     }

@@ -1,13 +1,15 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
+use sha2::{Digest, Sha256};
 
 use super::checkpoint::Checkpoint;
-use super::journal::{Journal, ReadRecords, read_records};
+use super::journal::{Journal, ReadRecords};
+use super::load::State;
 use super::lock::Lock;
 use super::mask_files::Runs;
-use super::{Act, Record, durable, history_file, load, manifest};
+use super::{Act, Record, contained, durable, load, manifest};
 use crate::engine::job::Progress;
 use crate::frames::Frame;
 use crate::session::{History, Project};
@@ -15,17 +17,28 @@ use crate::session::{History, Project};
 /// Beyond this many bytes of journal a checkpoint is due.
 const JOURNAL_BYTES: u64 = 8 << 20;
 
-/// A project's folder, held against other writers while this lives.
+/// How often a project that another process writes to is read again until both agree on its state.
+const TRIES: usize = 40;
+
+/// A project's folder. Opened for writing it is held against other writers while this lives.
 #[derive(Debug)]
 pub struct Folder {
     root: PathBuf,
-    journal: Journal,
+    access: Access,
     /// Number of the last record made.
     seq: u64,
     written: Written,
     /// A checkpoint is due when the journal is longer than this.
     due_bytes: u64,
-    _lock: Lock,
+}
+
+/// What may be done with a folder.
+#[derive(Debug)]
+enum Access {
+    /// Steps are appended to the journal.
+    Write { journal: Journal, _lock: Lock },
+    /// Nothing is written, for this reason.
+    View { why: String },
 }
 
 /// What the files beside the journal hold.
@@ -105,41 +118,61 @@ impl Folder {
         manifest::write(root, project, 0)?;
         Ok(Self {
             root: root.to_owned(),
-            journal,
+            access: Access::Write { journal, _lock: lock },
             seq: 0,
             written: Written::default(),
             due_bytes: JOURNAL_BYTES,
-            _lock: lock,
         })
     }
 
-    /// Opens the project in `root`: the last checkpoint, then the journal.
+    /// Opens the project in `root` for writing: the last checkpoint, then the journal. Files that are damaged are put aside,
+    /// and what killed runs left is removed.
     ///
     /// # Errors
-    /// When there is none, it is of a newer format, open elsewhere, damaged or not writable; nothing is changed then.
+    /// When there is none, it is of a newer format, open elsewhere, damaged beyond use, not writable ([`super::LockError`]), or
+    /// has a link that leads out of its folder; nothing is changed then.
     pub fn open(root: &Path, progress: &Progress) -> Result<Loaded> {
+        contained::check(root)?;
         manifest::check_format(root)?;
         let lock = Lock::take(root)?;
-        let manifest = manifest::read(root)?;
-        let checkpoint = manifest.step;
-        let path = root.join("journal.jsonl");
-        let read = read_records(&path)?;
-        let mut base = load::state(root, manifest, &read.records, progress)?;
-        let mut past = history_file::read(root, checkpoint, &read.records, &mut base.warnings);
-        let seq = read.records.last().map_or(checkpoint, |record| record.seq.max(checkpoint));
-        let journal = Journal::open(&path, &read)?;
-        for record in read.records.into_iter().filter(|record| record.seq > past.seq) {
-            record.fold(&mut past.history);
+        let mut state = load::state(root, progress)?;
+        durable::remove_leftovers(root);
+        for damage in std::mem::take(&mut state.damages) {
+            state.warnings.push(damage.set_aside()?);
         }
-        let written = Written {
-            seq: checkpoint,
-            masks: base.masks,
-            sparse: None,
-            history_length: past.length,
-            history_seq: past.seq,
-        };
-        let folder = Self { root: root.to_owned(), journal, seq, written, due_bytes: JOURNAL_BYTES, _lock: lock };
-        Ok(Loaded { folder, project: base.project, history: past.history, warnings: base.warnings })
+        let journal = Journal::open(&root.join("journal.jsonl"), &state.journal)?;
+        Ok(Self::loaded(root, Access::Write { journal, _lock: lock }, state))
+    }
+
+    /// Opens the project in `root` for viewing: nothing is written there, not even a lock, so that it may be on read-only
+    /// media, and another process may work in it. `why` says why no step can be made.
+    ///
+    /// # Errors
+    /// As [`Self::open`], but for access.
+    pub fn view(root: &Path, why: &str, progress: &Progress) -> Result<Loaded> {
+        contained::check(root)?;
+        manifest::check_format(root)?;
+        for _ in 0..TRIES {
+            let before = fingerprint(root)?;
+            let read = load::state(root, progress);
+            progress.check()?;
+            // A checkpoint changes both files; what was read while it was written may be of two states.
+            if fingerprint(root)? != before {
+                continue;
+            }
+            let mut state = read?;
+            let damages = std::mem::take(&mut state.damages);
+            state.warnings.extend(damages.iter().map(super::damage::Damage::warning));
+            return Ok(Self::loaded(root, Access::View { why: why.to_owned() }, state));
+        }
+        bail!("{}: another process changes it faster than it can be read; try again", root.display())
+    }
+
+    fn loaded(root: &Path, access: Access, state: State) -> Loaded {
+        let (history_seq, history_length) = state.history_end;
+        let written = Written { seq: state.checkpoint, masks: state.masks, sparse: None, history_length, history_seq };
+        let folder = Self { root: root.to_owned(), access, seq: state.seq, written, due_bytes: JOURNAL_BYTES };
+        Loaded { folder, project: state.project, history: state.history, warnings: state.warnings }
     }
 
     /// Where the project lies.
@@ -148,13 +181,43 @@ impl Folder {
         &self.root
     }
 
+    /// Why no step can be made; `None` where the project is open for writing.
+    #[must_use]
+    pub fn view_reason(&self) -> Option<&str> {
+        match &self.access {
+            Access::View { why } => Some(why),
+            Access::Write { .. } => None,
+        }
+    }
+
+    /// Refuses work whose results could not be saved.
+    ///
+    /// # Errors
+    /// When the project is open for viewing.
+    pub fn check_writable(&self) -> Result<()> {
+        match &self.access {
+            Access::Write { .. } => Ok(()),
+            Access::View { why } => {
+                bail!("{}: is open for viewing, and no change can be saved: {why}", self.root.display())
+            }
+        }
+    }
+
+    fn journal(&mut self) -> Result<&mut Journal> {
+        self.check_writable()?;
+        match &mut self.access {
+            Access::Write { journal, .. } => Ok(journal),
+            Access::View { .. } => bail!("the project is open for viewing"),
+        }
+    }
+
     /// Puts what happened on the disk.
     ///
     /// # Errors
     /// When it cannot be written (a full disk); the folder is as before, and the step must not be made.
     pub fn append(&mut self, act: Act) -> Result<Record> {
         let record = Record { seq: self.seq + 1, act };
-        self.journal.append(&record)?;
+        self.journal()?.append(&record)?;
         self.seq = record.seq;
         Ok(record)
     }
@@ -162,7 +225,7 @@ impl Folder {
     /// Whether the journal has grown so long that a checkpoint should be written.
     #[must_use]
     pub fn is_due(&self) -> bool {
-        self.journal.length() > self.due_bytes
+        matches!(&self.access, Access::Write { journal, .. } if journal.length() > self.due_bytes)
     }
 
     /// Whether anything happened since the last checkpoint.
@@ -176,13 +239,16 @@ impl Folder {
     /// # Errors
     /// When the journal cannot be read.
     pub fn checkpoint(&mut self, project: &Arc<Project>, history: &History) -> Result<Checkpoint> {
+        let (history_seq, seq) = (self.written.history_seq, self.seq);
+        let journal = self.journal()?;
+        let (length, lines) = (journal.length(), journal.lines_between(history_seq, seq)?);
         // Should this one fail, the next is not tried at once.
-        self.due_bytes = self.journal.length() + JOURNAL_BYTES;
+        self.due_bytes = length + JOURNAL_BYTES;
         Ok(Checkpoint {
             root: self.root.clone(),
             project: Arc::clone(project),
             history: history.clone(),
-            lines: self.journal.lines_between(self.written.history_seq, self.seq)?,
+            lines,
             seq: self.seq,
             before: self.written.clone(),
         })
@@ -198,10 +264,25 @@ impl Folder {
         }
         let seq = written.seq;
         self.written = written;
-        self.journal.forget(seq)?;
+        self.journal()?.forget(seq)?;
         self.due_bytes = JOURNAL_BYTES;
         Ok(())
     }
+}
+
+/// A digest of the files that say together which state a project is in.
+fn fingerprint(root: &Path) -> Result<Vec<u8>> {
+    let mut digest = Sha256::new();
+    for name in ["project.toml", "journal.jsonl"] {
+        let path = root.join(name);
+        let bytes = match std::fs::read(&path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+            read => read.with_context(|| format!("{}: cannot be read", path.display()))?,
+        };
+        digest.update(bytes.len().to_le_bytes());
+        digest.update(bytes);
+    }
+    Ok(digest.finalize().to_vec())
 }
 
 /// The topmost folder on the way to `root` that does not exist yet.

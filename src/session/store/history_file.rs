@@ -1,48 +1,60 @@
-use std::fs::OpenOptions;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
 use anyhow::{Context, Result};
 
+use super::damage::Damage;
 use super::journal::read_records;
 use super::{Act, Record, durable};
+use crate::engine::disk;
 use crate::session::{History, Step};
 
 /// What `history.jsonl` holds.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct Past {
     pub history: History,
     /// Number of the last record in it.
     pub seq: u64,
     /// Bytes of whole lines.
     pub length: u64,
+    /// What is wrong with the file, where it is there and cannot be used.
+    pub damage: Option<Damage>,
+    /// What the user should know where nothing of it is left on the disk.
+    pub warning: Option<String>,
 }
 
 /// Reads the history that belongs to a checkpoint and the journal's records. It is a convenience, never a reason not
-/// to open a project: where it is damaged or leaves a gap before the journal, the user is told and it begins anew.
-pub fn read(root: &Path, checkpoint: u64, journal: &[Record], warnings: &mut Vec<String>) -> Past {
+/// to open a project: where it is damaged or leaves a gap before the journal, it starts again from there. Steps that the
+/// project does not have because the journal is damaged are left out.
+pub fn read(root: &Path, checkpoint: u64, journal: &[Record]) -> Past {
     let path = root.join("history.jsonl");
-    let mut past = Past::default();
-    let mut told = false;
-    match read_records(&path) {
-        Ok(read) => {
-            past.length = read.ends.last().copied().unwrap_or(0);
-            past.seq = read.records.last().map_or(0, |record| record.seq);
-            read.records.into_iter().for_each(|record| record.fold(&mut past.history));
-        }
-        Err(error) => {
-            warnings.push(format!("{error}; steps made before cannot be undone"));
-            told = true;
-        }
+    // What the journal still has of the steps before the checkpoint is not the whole of them.
+    let none = Past { seq: checkpoint, ..Past::default() };
+    let lost = "steps made before cannot be undone";
+    let damaged = |why: String| Damage { path: path.clone(), what: format!("{why}; {lost}"), is_in_use: false };
+    let read = match read_records(&path) {
+        Ok(read) => read,
+        Err(_) => return Past { damage: Some(damaged("cannot be read".into())), ..none },
+    };
+    if let Some(rest) = read.rest {
+        return Past { damage: Some(damaged(rest.why)), ..none };
     }
-    let joins = past.seq >= checkpoint || journal.iter().any(|record| record.seq == past.seq + 1);
+    if let Some(pair) = read.records.windows(2).find(|pair| pair[1].seq != pair[0].seq + 1) {
+        return Past { damage: Some(damaged(format!("lacks step {}", pair[0].seq + 1))), ..none };
+    }
+    let last = journal.last().map_or(checkpoint, |record| record.seq.max(checkpoint));
+    let kept: Vec<(Record, u64)> =
+        read.records.into_iter().zip(read.ends).take_while(|(record, _)| record.seq <= last).collect();
+    let seq = kept.last().map_or(0, |(record, _)| record.seq);
+    let joins = seq >= checkpoint || journal.iter().any(|record| record.seq == seq + 1);
     if !joins {
-        if !told {
-            warnings.push(format!("{}: is not complete; steps made before cannot be undone", path.display()));
-        }
-        // What the journal still has of the steps before the checkpoint is not the whole of them.
-        return Past { seq: checkpoint, ..Past::default() };
+        let is_there = std::fs::metadata(&path).is_ok_and(|found| found.len() > 0);
+        let damage = is_there.then(|| damaged(format!("lacks the steps from {} to {checkpoint}", seq + 1)));
+        let warning = (!is_there).then(|| format!("{}: is missing; {lost}", path.display()));
+        return Past { damage, warning, ..none };
     }
+    let mut past = Past { seq, length: kept.last().map_or(0, |(_, end)| *end), ..Past::default() };
+    kept.into_iter().for_each(|(record, _)| record.fold(&mut past.history));
     past
 }
 
@@ -53,7 +65,7 @@ pub fn read(root: &Path, checkpoint: u64, journal: &[Record], warnings: &mut Vec
 pub fn append(root: &Path, length: u64, lines: &[u8]) -> Result<u64> {
     let path = root.join("history.jsonl");
     let write = || -> std::io::Result<()> {
-        let mut file = OpenOptions::new().create(true).truncate(false).write(true).open(&path)?;
+        let mut file = disk::open_in_place(&path)?;
         file.set_len(length)?;
         file.seek(SeekFrom::Start(length))?;
         file.write_all(lines)?;
@@ -63,7 +75,7 @@ pub fn append(root: &Path, length: u64, lines: &[u8]) -> Result<u64> {
     Ok(length + lines.len() as u64)
 }
 
-/// Writes the file anew with the steps of `history`, the last of whose records is `seq`; returns its length.
+/// Writes the file again with the steps of `history`, the last of whose records is `seq`; returns its length.
 ///
 /// # Errors
 /// When it cannot be written; the old file stands.

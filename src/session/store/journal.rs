@@ -1,10 +1,11 @@
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
 use super::{Record, durable};
+use crate::engine::disk;
 
 /// A file of [`Record`]s, one a line, that only grows; each line is on the disk before [`Journal::append`] returns.
 #[derive(Debug)]
@@ -20,38 +21,67 @@ pub struct Journal {
 }
 
 /// The records of a file and how many of its bytes are whole lines.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct ReadRecords {
     /// In the file's order.
     pub records: Vec<Record>,
     /// Where each record's line ends, in bytes.
     pub ends: Vec<u64>,
+    /// Why the lines after these records are not used, where there are any.
+    pub rest: Option<Rest>,
+    /// Whether the last line was not written to its end: a kill or a full disk.
+    pub is_torn: bool,
 }
 
-/// Reads a file of records; a missing file has none. A torn last line (a kill while it was written) is left out.
+/// Complete lines of a file of records that are not used.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rest {
+    /// What is wrong, with the number of the line.
+    pub why: String,
+    /// How many complete lines follow the one that is wrong.
+    pub after: usize,
+}
+
+impl ReadRecords {
+    /// Leaves out the records from this one on.
+    pub fn cut(&mut self, first: usize, why: String) {
+        let after = (self.records.len() - first - 1) + self.rest.take().map_or(0, |rest| rest.after + 1);
+        self.records.truncate(first);
+        self.ends.truncate(first);
+        self.rest = Some(Rest { why, after });
+    }
+
+    /// Bytes of the lines of the records.
+    fn length(&self) -> u64 {
+        self.ends.last().copied().unwrap_or(0)
+    }
+}
+
+/// Reads a file of records; a missing file has none. A torn last line is left out, and so is all from the first complete
+/// line on that is no record.
 ///
 /// # Errors
-/// When the file cannot be read, or a line before the last is damaged.
+/// When the file cannot be read.
 pub fn read_records(path: &Path) -> Result<ReadRecords> {
     let bytes = match std::fs::read(path) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
         Err(error) => return Err(error).with_context(|| format!("{}: cannot be read", path.display())),
     };
-    let mut read = ReadRecords { records: Vec::new(), ends: Vec::new() };
+    let mut read = ReadRecords { is_torn: bytes.last().is_some_and(|&byte| byte != b'\n'), ..ReadRecords::default() };
     let mut end = 0;
-    for line in bytes.split_inclusive(|&byte| byte == b'\n') {
+    let mut lines = bytes.split_inclusive(|&byte| byte == b'\n').filter(|line| line.ends_with(b"\n"));
+    while let Some(line) = lines.next() {
         end += line.len();
-        let whole = line.ends_with(b"\n").then(|| serde_json::from_slice(line).ok()).flatten();
-        match whole {
-            Some(record) => {
+        match serde_json::from_slice(line) {
+            Ok(record) => {
                 read.records.push(record);
                 read.ends.push(end as u64);
             }
-            None if end == bytes.len() => break,
-            None => {
-                let number = read.records.len() + 1;
-                bail!("{}: line {number} is damaged; restore the file from a backup", path.display());
+            Err(_) => {
+                let why = format!("line {} is damaged", read.records.len() + 1);
+                read.rest = Some(Rest { why, after: lines.count() });
+                break;
             }
         }
     }
@@ -65,9 +95,9 @@ impl Journal {
     /// # Errors
     /// When the file cannot be written.
     pub fn open(path: &Path, read: &ReadRecords) -> Result<Self> {
-        let length = read.ends.last().copied().unwrap_or(0);
+        let length = read.length();
         let open = || -> std::io::Result<File> {
-            let mut file = OpenOptions::new().create(true).truncate(false).write(true).open(path)?;
+            let mut file = disk::open_in_place(path)?;
             if file.metadata()?.len() > length {
                 file.set_len(length)?;
                 file.sync_all()?;
@@ -131,19 +161,20 @@ impl Journal {
             return Ok(());
         }
         let rest = self.lines_between(seq, u64::MAX)?;
-        // The handle that writes the new file goes on appending to it under its final name.
-        let temporary = durable::temporary(&self.path);
-        let placed = File::create(&temporary).and_then(|mut file| {
-            file.write_all(&rest)?;
-            file.sync_all()?;
-            std::fs::rename(&temporary, &self.path)?;
+        durable::replace(&self.path, &rest)?;
+        // From here on the open file is no longer the one of this name: nothing may be appended to it.
+        self.broken = true;
+        let reopen = || -> std::io::Result<File> {
+            let mut file = disk::open_in_place(&self.path)?;
+            file.seek(SeekFrom::Start(rest.len() as u64))?;
             Ok(file)
-        });
-        self.file = placed.with_context(|| durable::cannot_write(&self.path))?;
+        };
+        self.file = reopen().with_context(|| durable::cannot_write(&self.path))?;
+        self.broken = false;
         self.length -= cut;
         self.ends.retain(|&(number, _)| number > seq);
         self.ends.iter_mut().for_each(|(_, end)| *end -= cut);
-        durable::sync_folder(self.path.parent().unwrap_or(Path::new(".")))
+        Ok(())
     }
 
     /// Where the lines of records up to `seq` end.

@@ -1,10 +1,9 @@
-use std::fs::{File, OpenOptions, TryLockError};
-use std::path::Path;
+use std::fs::{File, TryLockError};
+use std::io::Error;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, anyhow, bail};
-
-use super::durable;
+use crate::engine::disk::{self, AtomicFile};
 
 /// A program that is killed while it starts another (ffmpeg) leaves it the lock for an instant: so long is waited.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -15,25 +14,44 @@ pub struct Lock {
     file: File,
 }
 
+/// Why a project cannot be opened for writing.
+#[derive(Debug, thiserror::Error)]
+pub enum LockError {
+    /// The folder is on read-only media, or belongs to somebody else.
+    #[error("{}: cannot be written ({why}); a project needs a folder with write access", root.display())]
+    NotWritable {
+        /// The project's folder.
+        root: PathBuf,
+        /// What the system says.
+        why: Error,
+    },
+    /// Another process writes there.
+    #[error("{}: is open in another window or command; close it there first", .0.display())]
+    Held(PathBuf),
+    /// The disk has no locks.
+    #[error("{}: cannot be locked ({why}); move it to a local disk", root.display())]
+    NotLockable {
+        /// The project's folder.
+        root: PathBuf,
+        /// What the system says.
+        why: Error,
+    },
+}
+
 impl Lock {
     /// Takes the lock of the folder `root`.
     ///
     /// # Errors
     /// When another holds it (for a second at least), or the folder cannot be written.
-    pub fn take(root: &Path) -> Result<Self> {
+    pub fn take(root: &Path) -> Result<Self, LockError> {
         let path = root.join(".lock");
-        let file = OpenOptions::new().create(true).truncate(false).write(true).open(&path);
-        let file = file.and_then(|file| check_writable(root).map(|()| file)).with_context(|| {
-            format!("{}: cannot be written; a project needs a folder with write access", root.display())
-        })?;
+        // The lock may be writable in a folder that is not: files could be changed there, but none replaced.
+        let opened = AtomicFile::create(&path).and_then(|_probe| disk::open_in_place(&path));
+        let file = opened.map_err(|why| LockError::NotWritable { root: root.to_owned(), why })?;
         match try_patiently(&file) {
             Ok(()) => Ok(Self { file }),
-            Err(TryLockError::WouldBlock) => {
-                bail!("{}: is open in another window or command; close it there first", root.display())
-            }
-            Err(TryLockError::Error(error)) => {
-                Err(anyhow!(error).context(format!("{}: cannot be locked; move it to a local disk", root.display())))
-            }
+            Err(TryLockError::WouldBlock) => Err(LockError::Held(root.to_owned())),
+            Err(TryLockError::Error(why)) => Err(LockError::NotLockable { root: root.to_owned(), why }),
         }
     }
 }
@@ -57,13 +75,6 @@ impl Drop for Lock {
         // A lock that cannot be given back ends with the process.
         let _ = self.file.unlock();
     }
-}
-
-/// The lock may be writable in a folder that is not: files could be changed there, but none replaced.
-fn check_writable(root: &Path) -> std::io::Result<()> {
-    let probe = durable::temporary(&root.join(".lock"));
-    File::create(&probe)?;
-    std::fs::remove_file(&probe)
 }
 
 #[cfg(test)]

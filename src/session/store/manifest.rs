@@ -1,10 +1,10 @@
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 
-use super::durable;
+use super::{durable, places};
 use crate::frames::Frame;
 use crate::masks::{Label, LabelId, LabelTree, Prompt};
 use crate::session::{Marks, Project, ResultKind, ResultRecord};
@@ -18,6 +18,9 @@ pub struct Manifest {
     format: u32,
     /// Number of the last record of the journal that is in here.
     pub step: u64,
+    /// Where the project was when this was written. Paths of sources that share a folder with it are relative to it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub folder: Option<PathBuf>,
     #[serde(default)]
     labels: Vec<Label>,
     #[serde(default)]
@@ -87,25 +90,33 @@ pub fn read(root: &Path) -> Result<Manifest> {
 /// When it cannot be written; the old file stands.
 pub fn write(root: &Path, project: &Project, step: u64) -> Result<()> {
     let prompts = project.prompts.iter();
+    let folder = std::path::absolute(root).ok().filter(|folder| folder.to_str().is_some());
+    let mut frames = project.frames.to_vec();
+    if let Some(folder) = &folder {
+        frames.iter_mut().for_each(|frame| places::make_relative(frame, folder));
+    }
     let manifest = Manifest {
         format: FORMAT,
         step,
+        folder,
         labels: project.labels.iter().cloned().collect(),
         prompts: prompts.map(|(&(frame, label), prompt)| Given { frame, label, prompt: prompt.clone() }).collect(),
         marks: project.marks.iter().map(|(&label, marks)| Marked { label, marks: marks.clone() }).collect(),
         results: project.results.clone(),
-        frames: project.frames.to_vec(),
+        frames,
     };
     let text = toml::to_string(&manifest).context("the project has a value that project.toml cannot hold")?;
     durable::replace(&root.join("project.toml"), text.as_bytes())
 }
 
 impl Manifest {
-    /// The project without its masks.
+    /// The project without its masks. Paths are those from where it was written; `root` is where it is now.
     ///
     /// # Errors
     /// When an invariant does not hold: the file was changed by hand or damaged.
-    pub fn into_project(self) -> Result<Project> {
+    pub fn into_project(mut self, root: &Path) -> Result<Project> {
+        let home = self.folder.as_deref().filter(|folder| folder.is_absolute()).unwrap_or(root);
+        self.frames.iter_mut().for_each(|frame| places::make_absolute(frame, home));
         let mut project = Project { labels: tree(self.labels)?, results: self.results, ..Project::default() };
         project.apply(crate::session::Edit::AddFrames { frames: self.frames })?;
         for Given { frame, label, prompt } in self.prompts {

@@ -2,10 +2,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::damage::Damage;
 use super::durable;
 use crate::engine::job::Progress;
 use crate::frames::Frame;
@@ -13,8 +14,11 @@ use crate::masks::{LabelId, RunMask};
 use crate::masks::{MaskFrame, encode_palette_png, file_stems, read_palette_png};
 use crate::session::{FrameMask, MaskOrigin, Project};
 
+/// Where masks come from, below the project's folder.
+const ORIGINS: &str = "masks/origins.json";
+
 /// What `masks/origins.json` says of one frame's mask, by the frame's name.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct Origin {
     origin: MaskOrigin,
     #[serde(default)]
@@ -78,7 +82,7 @@ pub fn known(project: &Project, unread: &BTreeSet<usize>) -> Result<Runs> {
 /// # Errors
 /// When it cannot be written.
 pub fn write_origins(root: &Path, project: &Project) -> Result<()> {
-    let path = root.join("masks/origins.json");
+    let path = root.join(ORIGINS);
     if project.masks.is_empty() && !path.exists() {
         return Ok(());
     }
@@ -101,56 +105,168 @@ pub fn remove_gone(root: &Path, now: &Runs, before: &Runs) {
 }
 
 /// What [`read`] found.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct ReadMasks {
     pub masks: BTreeMap<usize, FrameMask>,
     pub warnings: Vec<String>,
+    pub damages: Vec<Damage>,
 }
 
-/// Reads the masks of the frames for which `wanted` holds. A mask whose file is gone is left out and named in the
-/// warnings.
+/// Reads the masks of the frames for which `wanted` holds. Each of them fits the project. A mask that is gone or damaged
+/// is left out. Where `origins.json` cannot be read, or not what it says of a frame, the masks that are there count as
+/// anchors, which no tracker overwrites.
 ///
 /// # Errors
-/// When a file is damaged or of another size than its frame, or on a stop.
+/// When a frame's name leads out of the folder, or on a stop.
 pub fn read(
     root: &Path,
     project: &Project,
     wanted: impl Fn(usize) -> bool + Sync,
     progress: &Progress,
 ) -> Result<ReadMasks> {
-    let path = root.join("masks/origins.json");
-    let text = match std::fs::read(&path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(ReadMasks::default()),
-        Err(error) => return Err(error).with_context(|| format!("{}: cannot be read", path.display())),
-    };
-    let origins: BTreeMap<String, Origin> = serde_json::from_slice(&text)
-        .with_context(|| format!("{}: is damaged; restore it from a backup", path.display()))?;
+    let mut found = ReadMasks::default();
     let paths = paths(&project.frames)?;
+    let origins = Origins::read(&root.join(ORIGINS));
     let listed: Vec<_> = project.frames.iter().enumerate().filter(|(number, _)| wanted(*number)).collect();
     let read = listed.par_iter().filter_map(|&(number, frame)| {
-        let origin = origins.get(&frame.name)?;
-        Some(read_one(root, &paths[number], origin, progress).map(|mask| (number, mask)))
+        let path = root.join(&paths[number]);
+        let origin = match origins.of(&frame.name) {
+            Known::As(origin) => origin,
+            Known::Nothing => return None,
+            Known::Damaged if path.exists() => Origin::anchor(),
+            Known::Damaged => return None,
+        };
+        let mask = progress.check().map_err(anyhow::Error::from).map(|()| read_one(&path, (project, number), origin));
+        Some(mask.map(|mask| (number, mask)))
     });
-    let mut found = ReadMasks::default();
+    let mut masks_there = 0;
     for (number, mask) in read.collect::<Result<Vec<_>>>()? {
+        let name = &project.frames[number].name;
         match mask {
-            Some(mask) => drop(found.masks.insert(number, mask)),
-            None => {
+            ReadMask::Whole(mask) => {
+                masks_there += 1;
+                found.masks.insert(number, mask);
+            }
+            ReadMask::Gone => {
                 found.warnings.push(format!("{}: is gone; frame {number} has no mask now", paths[number].display()));
             }
+            ReadMask::Damaged(why) => found.damages.push(Damage {
+                path: root.join(&paths[number]),
+                what: format!("{why}; frame {number} ({name}) has no mask now"),
+                is_in_use: false,
+            }),
         }
     }
+    origins.report(root, masks_there, &mut found);
     Ok(found)
 }
 
-fn read_one(root: &Path, path: &Path, origin: &Origin, progress: &Progress) -> Result<Option<FrameMask>> {
-    progress.check()?;
-    let path = root.join(path);
-    if !path.exists() {
-        return Ok(None);
+/// What `origins.json` says.
+enum Origins {
+    /// By frame name; `None` where that entry is damaged.
+    Read(BTreeMap<String, Option<Origin>>),
+    Missing,
+    /// Why it cannot be used.
+    Damaged(String),
+}
+
+/// What is known of one frame's mask.
+enum Known {
+    As(Origin),
+    /// It has none.
+    Nothing,
+    /// It has one if its file is there.
+    Damaged,
+}
+
+impl Origins {
+    fn read(path: &Path) -> Self {
+        let text = match std::fs::read(path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Self::Missing,
+            Err(error) => return Self::Damaged(format!("cannot be read ({error})")),
+        };
+        match serde_json::from_slice::<BTreeMap<String, serde_json::Value>>(&text) {
+            Ok(entries) => {
+                let entry = |value| serde_json::from_value(value).ok().filter(Origin::is_sound);
+                Self::Read(entries.into_iter().map(|(name, value)| (name, entry(value))).collect())
+            }
+            Err(error) => Self::Damaged(format!("is damaged ({error})")),
+        }
     }
-    let mask = read_palette_png(&path).context("restore the mask, or remove it to go on without")?;
-    let runs = Arc::new(RunMask::encode(&mask));
-    Ok(Some(FrameMask { runs, origin: origin.origin, stale: origin.stale, confidence: origin.confidence.clone() }))
+
+    fn of(&self, frame: &str) -> Known {
+        match self {
+            Self::Read(entries) => match entries.get(frame) {
+                Some(Some(origin)) => Known::As(origin.clone()),
+                Some(None) => Known::Damaged,
+                None => Known::Nothing,
+            },
+            Self::Missing | Self::Damaged(_) => Known::Damaged,
+        }
+    }
+
+    /// Adds what the user should know of the file itself.
+    fn report(self, root: &Path, masks: usize, found: &mut ReadMasks) {
+        let path = root.join(ORIGINS);
+        let anchors =
+            |count: usize| format!("which masks are anchors is not known; {count} masks count as anchors now");
+        let damage = |what: String| Damage { path: path.clone(), what, is_in_use: false };
+        match self {
+            Self::Missing if masks > 0 => {
+                found.warnings.push(format!("{}: is missing; {}", path.display(), anchors(masks)));
+            }
+            Self::Missing => {}
+            Self::Damaged(why) => found.damages.push(damage(format!("{why}; {}", anchors(masks)))),
+            Self::Read(entries) => {
+                let damaged = entries.values().filter(|entry| entry.is_none()).count();
+                if damaged > 0 {
+                    let what = format!("{damaged} of its entries are damaged; {}", anchors(damaged));
+                    found.damages.push(damage(what));
+                }
+            }
+        }
+    }
+}
+
+impl Origin {
+    fn anchor() -> Self {
+        Self { origin: MaskOrigin::Anchor, stale: false, confidence: BTreeMap::new() }
+    }
+
+    /// Whether a mask can have it.
+    fn is_sound(&self) -> bool {
+        let shares = self.confidence.values().all(|share| (0.0..=1.0).contains(share));
+        shares && !(self.stale && self.origin == MaskOrigin::Anchor)
+    }
+}
+
+enum ReadMask {
+    Whole(FrameMask),
+    Gone,
+    /// Why it cannot be used.
+    Damaged(String),
+}
+
+fn read_one(path: &Path, (project, frame): (&Project, usize), origin: Origin) -> ReadMask {
+    if !path.exists() {
+        return ReadMask::Gone;
+    }
+    let mask = match read_palette_png(path) {
+        Ok(mask) => mask,
+        Err(error) => return ReadMask::Damaged(format!("cannot be read ({})", without_path(&error, path))),
+    };
+    let Origin { origin, stale, confidence } = origin;
+    let mask = FrameMask { runs: Arc::new(RunMask::encode(&mask)), origin, stale, confidence };
+    match project.check_mask(&project.frames[frame], &mask) {
+        Ok(()) => ReadMask::Whole(mask),
+        Err(error) => ReadMask::Damaged(format!("does not fit the project ({error:#})")),
+    }
+}
+
+/// An error's text without the file's path in front.
+fn without_path(error: &dyn std::fmt::Display, path: &Path) -> String {
+    let text = error.to_string().replace('\n', " ");
+    let shown = format!("{}: ", path.display());
+    text.strip_prefix(&shown).map_or(text.clone(), str::to_owned)
 }

@@ -7,6 +7,8 @@
 //! May use: every room that `session` may. Must not touch: the session's jobs.
 
 mod checkpoint;
+mod contained;
+mod damage;
 mod depth_folder;
 mod durable;
 mod folder;
@@ -18,6 +20,7 @@ mod manifest;
 mod mask_files;
 mod outcomes;
 pub(super) mod packed_runs;
+mod places;
 mod record;
 mod versions;
 
@@ -25,7 +28,9 @@ pub use checkpoint::{Checkpoint, HISTORY_BYTES, load_sparse};
 pub use depth_folder::{DepthAccount, DepthFolder, depth_map_path};
 pub(super) use durable::{replace, sync_folder};
 pub use folder::{Folder, Loaded, Written};
+pub use lock::LockError;
 pub use outcomes::{load_links, load_outcomes, save_links, save_outcomes};
+pub(super) use places::joined;
 pub use record::{Act, Record};
 pub use versions::{
     cloud_path, depth_versions, feature_cache_path, keep_mesh, keep_votes, mesh_path, mesh_votes_path,

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 
 use super::durable;
+use crate::engine::disk;
 use crate::frames::{DepthSource, Frame};
 use crate::session::{Edit, History, Project, ResultKind};
 
@@ -82,7 +83,7 @@ pub fn publish_cloud(root: &Path, version: Option<u64>) -> Result<()> {
         let source = version.map(|version| root.join(format!("versions/{before}{version}{after}")));
         let put = match source.filter(|source| source.exists()) {
             Some(source) if is_same(&source, &place) => continue,
-            Some(source) => link(&source, &place),
+            Some(source) => disk::link(&source, &place),
             None if place.exists() => fs::remove_file(&place),
             None => continue,
         };
@@ -98,7 +99,7 @@ pub fn publish_cloud(root: &Path, version: Option<u64>) -> Result<()> {
 /// When the file cannot be put in place, or is gone.
 pub fn keep_mesh(root: &Path, from: u64, to: u64) -> Result<()> {
     let place = mesh_path(root, to);
-    link(&mesh_path(root, from), &place).with_context(|| durable::cannot_write(&place))
+    disk::link(&mesh_path(root, from), &place).with_context(|| durable::cannot_write(&place))
 }
 
 /// Gives the votes on the cloud and the surface of one version to another one, as they are; those that are not kept are
@@ -140,7 +141,7 @@ pub fn publish_depths(root: &Path, frames: &[Frame]) -> Result<()> {
         let place = folder.join(name);
         if source.exists() && !is_same(&source, &place) {
             durable::make_folder(place.parent().unwrap_or(&folder))?;
-            link(&source, &place).with_context(|| durable::cannot_write(&place))?;
+            disk::link(&source, &place).with_context(|| durable::cannot_write(&place))?;
         }
     }
     Ok(())
@@ -159,19 +160,6 @@ pub(super) fn depth_file(frame: &str) -> String {
 fn is_same(a: &Path, b: &Path) -> bool {
     let stamp = |path: &Path| fs::metadata(path).ok().map(|meta| (meta.len(), meta.modified().ok()));
     stamp(a).is_some_and(|a| Some(a) == stamp(b))
-}
-
-/// A second name for the file; where the disk knows none, a copy with the same time.
-fn link(source: &Path, place: &Path) -> std::io::Result<()> {
-    let temporary = durable::temporary(place);
-    let _ = fs::remove_file(&temporary);
-    if fs::hard_link(source, &temporary).is_err() {
-        fs::copy(source, &temporary)?;
-        let copy = fs::OpenOptions::new().write(true).open(&temporary)?;
-        copy.set_modified(fs::metadata(source)?.modified()?)?;
-        copy.sync_all()?;
-    }
-    fs::rename(&temporary, place)
 }
 
 /// Takes away versions that nothing refers to, and the oldest beyond a few. Numbers above all that are referred to

@@ -1,0 +1,53 @@
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+
+use super::durable;
+
+/// A file of a project that cannot be used as it is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Damage {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it and what is lost by that; one line without the path.
+    pub what: String,
+    /// Its intact part stays in use: a copy is put aside, not the file.
+    pub is_in_use: bool,
+}
+
+impl Damage {
+    /// Puts the file aside under a name that is free: `NAME.damaged`, `NAME.damaged-2`, … Returns the warning for the user.
+    ///
+    /// # Errors
+    /// When it cannot be put aside; it is as before.
+    pub fn set_aside(&self) -> Result<String> {
+        let aside = free_name(&self.path);
+        let put = if self.is_in_use {
+            let bytes = fs::read(&self.path).with_context(|| format!("{}: cannot be read", self.path.display()))?;
+            durable::replace(&aside, &bytes)
+        } else {
+            fs::rename(&self.path, &aside).with_context(|| durable::cannot_write(&aside))
+        };
+        put?;
+        let name = aside.file_name().unwrap_or_default().to_string_lossy();
+        let kept = if self.is_in_use { "the whole file is kept as" } else { "the file is kept as" };
+        Ok(format!("{}: {}; {kept} {name}", self.path.display(), self.what))
+    }
+
+    /// The warning where the project is only looked at and the file stays as it is.
+    pub fn warning(&self) -> String {
+        format!("{}: {}; nothing was changed", self.path.display(), self.what)
+    }
+}
+
+/// The first of `NAME.damaged`, `NAME.damaged-2`, … that nothing has.
+fn free_name(path: &Path) -> PathBuf {
+    let named = |ending: String| {
+        let mut name = path.as_os_str().to_owned();
+        name.push(ending);
+        PathBuf::from(name)
+    };
+    let mut names = std::iter::once(".damaged".to_owned()).chain((2u64..).map(|n| format!(".damaged-{n}"))).map(named);
+    names.find(|name| fs::symlink_metadata(name).is_err()).unwrap_or_else(|| named(".damaged".to_owned()))
+}
