@@ -74,8 +74,9 @@ impl Session {
 /// The commands that a project's folder tells of, and an error where that is not all of them.
 fn read(root: &Path) -> (Vec<Command>, Result<()>) {
     let path = root.join(FILE);
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
+    let text = match std::fs::read(&path) {
+        // A byte that is no text damages its line only.
+        Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
         Err(error) if error.kind() == ErrorKind::NotFound => return (Vec::new(), Ok(())),
         Err(error) => return (Vec::new(), Err(error).with_context(|| format!("{}: cannot be read", path.display()))),
     };

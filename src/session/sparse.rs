@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use super::jobs::{Kind, Landing};
-use super::store::{load_links, load_outcomes, load_sparse, sparse_path, version_in_force};
+use super::store::{load_links, load_outcomes, read_sparse, sparse_path, version_in_force};
 use super::{Event, ResultKind, Session};
 use crate::frames::cameras::SparsePoints;
 use crate::scene::LabelledCloud;
@@ -87,7 +87,7 @@ impl Session {
         let Some(version) = self.sparse.next_wanted() else { return };
         let (Some(project), Some(root)) = (self.project().cloned(), self.root().map(Path::to_owned)) else { return };
         self.start("Load sparse points", Kind::Background, move |_| {
-            let points = load_sparse(&root, &project);
+            let points = read_sparse(&root, &project)?;
             let folder = sparse_path(&root, version);
             let model = Arc::new(SparseModel::new(points, load_outcomes(&folder)?, load_links(&folder)?));
             Ok(Box::new(move |session: &mut Self| {

@@ -633,3 +633,15 @@ fn a_reader_next_to_a_writer_sees_its_steps() {
     }
     assert!(refused(&["label", &copy.project, "mine"]).contains("close it there first"));
 }
+
+#[test]
+#[cfg(target_os = "linux")]
+fn output_to_a_full_disk_is_an_error() {
+    let copy = Copy::new();
+    let info = |output: fs::File| {
+        let mut process = std::process::Command::new(env!("CARGO_BIN_EXE_ostra"));
+        process.args(["info", &copy.project]).stdout(output).output().unwrap()
+    };
+    let out = info(fs::OpenOptions::new().write(true).open("/dev/full").unwrap());
+    assert!(out.status.code() == Some(1) && stderr(&out).contains("the output cannot be written"), "{}", stderr(&out));
+}

@@ -16,7 +16,7 @@ use crate::scene::ply::{label_paths, read_ply, twin_path};
 use crate::session::cloud::read_votes_on;
 use crate::session::export_targets::ExportTargets;
 use crate::session::jobs::{Kind, Landing};
-use crate::session::store::{cloud_path, load_sparse, version_in_force, votes_path};
+use crate::session::store::{cloud_path, read_sparse, version_in_force, votes_path};
 use crate::session::{ExportRequest, JobId, Project, ResultKind, Session};
 
 /// What an export reads: snapshots.
@@ -153,8 +153,8 @@ fn write(
     if let Some(path) = &request.mesh {
         warnings.extend(super::models::write_mesh(path, sources, request, progress)?);
     }
-    let sparse =
-        || sources.root.as_deref().map_or_else(SparsePoints::default, |root| load_sparse(root, &sources.project));
+    let of_project = |root| read_sparse(root, &sources.project);
+    let sparse = || sources.root.as_deref().map_or_else(|| Ok(SparsePoints::default()), of_project);
     if let Some(folder) = &request.cameras {
         let frames = &sources.project.frames;
         let renamed = match request.camera_encoding {
@@ -168,10 +168,10 @@ fn write(
                 folder.display()
             ));
         }
-        write_colmap_model(folder, renamed.as_deref().unwrap_or(frames), &sparse(), request.camera_encoding)?;
+        write_colmap_model(folder, renamed.as_deref().unwrap_or(frames), &sparse()?, request.camera_encoding)?;
     }
     if let Some(folder) = &request.undistorted {
-        super::undistorted::write(folder, &sources.project, &sparse(), &sources.store, progress)?;
+        super::undistorted::write(folder, &sources.project, &sparse()?, &sources.store, progress)?;
     }
     if let Some(folder) = &request.masks {
         super::masks::write(folder, mask_format(request)?, &sources.project, request.level, progress)?;

@@ -1,7 +1,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use super::folder::{Written, WrittenSparse};
 use super::{history_file, manifest, mask_files, versions};
@@ -72,9 +72,18 @@ impl Checkpoint {
     }
 }
 
-/// The points that the project's cameras were found with; none where cameras were given, or where the files are gone.
-pub fn load_sparse(root: &Path, project: &Project) -> SparsePoints {
+/// The points that the project's cameras were found with; none where cameras were given.
+///
+/// # Errors
+/// When their files are missing or damaged.
+pub fn read_sparse(root: &Path, project: &Project) -> Result<SparsePoints> {
     let version = versions::version_in_force(project, ResultKind::Cameras);
     let read = version.map(|version| read_sparse_model(&versions::sparse_path(root, version), &project.frames));
-    read.and_then(Result::ok).unwrap_or_default()
+    let lost = "the points that the cameras were found with cannot be read; reconstruct again";
+    Ok(read.transpose().context(lost)?.unwrap_or_default())
+}
+
+/// As [`read_sparse`]; none where their files cannot be used, for work that can do without.
+pub fn load_sparse(root: &Path, project: &Project) -> SparsePoints {
+    read_sparse(root, project).unwrap_or_default()
 }

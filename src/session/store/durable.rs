@@ -1,5 +1,5 @@
 use std::fs::{self, File};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result};
 
@@ -77,7 +77,7 @@ fn remove_former_leftovers(folder: &Path) {
     }
 }
 
-fn remove_file_or_link(path: &PathBuf) {
+fn remove_file_or_link(path: &Path) {
     let is_ours = |found: &fs::Metadata| found.is_file() || found.is_symlink();
     if fs::symlink_metadata(path).is_ok_and(|found| is_ours(&found)) {
         // What cannot be removed harms nobody.

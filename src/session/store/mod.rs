@@ -24,7 +24,7 @@ mod places;
 mod record;
 mod versions;
 
-pub use checkpoint::{Checkpoint, HISTORY_BYTES, load_sparse};
+pub use checkpoint::{Checkpoint, HISTORY_BYTES, load_sparse, read_sparse};
 pub use depth_folder::{DepthAccount, DepthFolder, depth_map_path};
 pub(super) use durable::{replace, sync_folder};
 pub use folder::{Folder, Loaded, Written};
