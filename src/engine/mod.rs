@@ -6,3 +6,4 @@ pub mod disk;
 pub mod gpu;
 pub mod job;
 pub mod nn;
+pub mod programs;

@@ -1,6 +1,6 @@
 //! Pictures in order: frames, images, depth maps; opening folders, films and RGB-D recordings; a bounded cache.
 //!
-//! May use: geometry, engine::job. Must not touch: labels, GPU.
+//! May use: geometry, engine::disk, engine::job, engine::programs. Must not touch: labels, GPU.
 
 mod background;
 mod cache;
@@ -26,7 +26,7 @@ mod turn;
 pub use depth_camera::DepthCamera;
 pub use error::FrameError;
 pub use exif::exif_focal_px;
-pub use film::{FilmOptions, write_film};
+pub use film::{FilmOptions, take_video_damage, write_film};
 pub use frame::{DepthSource, Frame, FrameCamera, Orientation, PictureSource};
 pub use frame_set::FrameSet;
 pub use image::{DepthMap, Image};

@@ -24,7 +24,7 @@ use super::{
     SparseModel, Suggestion,
 };
 use crate::engine::nn::take_fall_backs;
-use crate::frames::FrameStore;
+use crate::frames::{FrameStore, take_video_damage};
 use crate::masks::RunMask;
 use crate::scene::GeometrySegmenter;
 
@@ -190,6 +190,7 @@ impl Session {
     pub fn poll(&mut self) -> Vec<Event> {
         self.jobs.note_ended();
         self.warn_all(take_fall_backs());
+        self.warn_all(take_video_damage());
         while let Some((job, landing)) = self.jobs.next_piece() {
             self.take_piece(job, landing);
         }

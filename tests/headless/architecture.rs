@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 const ROOMS: &[(&str, &[&str])] = &[
     ("engine/disk", &[]),
     ("engine/job", &[]),
-    ("engine/nn", &["engine::disk"]),
+    ("engine/programs", &[]),
+    ("engine/nn", &["engine::disk", "engine::programs"]),
     ("engine/gpu", &[]),
     ("geometry", &[]),
-    ("frames", &["geometry", "engine::disk", "engine::job"]),
+    ("frames", &["geometry", "engine::disk", "engine::job", "engine::programs"]),
     ("masks/onnx", &["masks", "frames", "engine::disk", "engine::job", "engine::nn"]),
     ("masks", &["frames", "engine::disk", "engine::job"]),
     ("scene/sfm/onnx", &["scene", "engine::nn"]),

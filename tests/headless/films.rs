@@ -107,7 +107,7 @@ fn a_cut_film_is_read_as_far_as_it_goes_and_a_broken_one_is_refused() {
         std::fs::write(&cut, broken).unwrap();
         let request = OpenRequest { sources: vec![FrameFolder::from(cut.clone())], ..OpenRequest::default() };
         let error = open(&request, &Progress::default()).unwrap_err().to_string();
-        assert!(error.contains("cut.mp4: ffmpeg cannot read this as a film"), "{error}");
+        assert!(error.contains("cut.mp4: ffmpeg cannot read this as a video"), "{error}");
     }
     let gone = store.image(&open_film(&path).frames[3]).map(|_| ());
     assert!(gone.is_ok());

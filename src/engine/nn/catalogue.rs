@@ -41,6 +41,9 @@ pub struct NetworkFile {
     /// Digest of a file that is known to work, lower-case hexadecimal.
     #[serde(default)]
     pub sha256: Option<String>,
+    /// Digests of other files that are known to work, lower-case hexadecimal.
+    #[serde(default)]
+    pub other_sha256: Vec<String>,
     /// Where it can be fetched from; `None` where it has to be made.
     #[serde(default)]
     pub url: Option<String>,

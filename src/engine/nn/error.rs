@@ -62,6 +62,19 @@ pub enum NnError {
         /// Whether the user stopped it.
         is_stopped: bool,
     },
+    /// What an address gave is not the file whose digest is known.
+    #[error(
+        "{url}: the file has another SHA-256 than it should ({expected} expected, {found} received); it was deleted and \
+         nothing was installed; try again, or get the file by other means and run `ostra models add`"
+    )]
+    WrongDownload {
+        /// Its address.
+        url: String,
+        /// The digest that is known.
+        expected: String,
+        /// The digest of what was received.
+        found: String,
+    },
     /// An installed file is another one than was added.
     #[error(
         "{}: was changed since it was added (SHA-256 {expected} then, {found} now); add it again with `ostra models add`",

@@ -1,6 +1,5 @@
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use super::catalogue::{Catalogue, Entry, NetworkFile};
 use super::digest::sha256;
@@ -8,7 +7,10 @@ use super::error::NnError;
 use super::fetch::fetch;
 use super::install::{Added, add};
 use super::search::library_name;
+use super::unzip::unzip;
 use super::watched::watched;
+use super::wheel::{PYTHON_VERSION, VERSION, Wheel};
+use crate::engine::programs;
 
 /// How much of a file is there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,8 +23,8 @@ pub struct Fetched<'a> {
     pub of: Option<u64>,
 }
 
-/// Version of ONNX Runtime that is fetched.
-const VERSION: &str = "1.31.1";
+/// Most bytes of a file whose length is not known.
+const MAX_BYTES: u64 = 4 << 30;
 /// Downloads that are under way lie here, within the folder of networks.
 const UNDER_WAY: &str = "downloads";
 
@@ -54,6 +56,17 @@ pub fn install(
     added
 }
 
+/// One file that is fetched, and how it is recognised.
+struct Wanted<'a> {
+    url: &'a str,
+    sha256: &'a str,
+    /// Its length, where known.
+    bytes: Option<u64>,
+    /// What is shown for it while it is fetched.
+    what: &'a str,
+}
+
+/// Gets a file of a network, which must have a known digest: what an address gives may change.
 fn download(
     entry: &Entry,
     file: &NetworkFile,
@@ -61,135 +74,71 @@ fn download(
     downloads: &Path,
     told: &mut dyn FnMut(Fetched<'_>) -> bool,
 ) -> Result<PathBuf, NnError> {
-    let into = downloads.join(&file.name);
+    let Some(sha256) = file.sha256.as_deref() else {
+        return Err(NnError::Request(format!(
+            "{}: no digest of this file is known, so a download could not be verified; get it by hand and run `ostra models \
+             add {}`",
+            file.name, entry.name
+        )));
+    };
     let what = format!("{} ({})", file.name, entry.licence);
-    if !into.exists() {
-        fetch(url, &into, &mut |bytes| told(Fetched { what: &what, bytes, of: file.bytes }))?;
-    }
-    let Some(expected) = file.sha256.clone() else { return Ok(into) };
-    let failed = |source| NnError::Io { path: into.clone(), source };
-    let found = sha256(&into).map_err(failed)?;
-    if found == expected {
-        return Ok(into);
-    }
-    fs::remove_file(&into).map_err(failed)?;
-    Err(NnError::Digest { path: PathBuf::from(url), expected, found })
+    let into = downloads.join(&file.name);
+    verified(&Wanted { url, sha256, bytes: file.bytes, what: &what }, &into, told)?;
+    Ok(into)
 }
 
-/// ONNX Runtime's library, from its Python package where there is `pip`, else from the project's release.
+/// Fetches a file and compares its digest; a file with another digest is deleted. Also verifies what is there already.
+fn verified(wanted: &Wanted<'_>, into: &Path, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Result<(), NnError> {
+    let Wanted { url, bytes, what, .. } = *wanted;
+    if !into.is_file() {
+        let limit = bytes.unwrap_or(MAX_BYTES);
+        fetch(url, into, limit, &mut |here| told(Fetched { what, bytes: here, of: bytes }))?;
+    }
+    verify(wanted, into)
+}
+
+fn verify(wanted: &Wanted<'_>, path: &Path) -> Result<(), NnError> {
+    let failed = |source| NnError::Io { path: path.to_owned(), source };
+    let found = sha256(path).map_err(failed)?;
+    if found == wanted.sha256 {
+        return Ok(());
+    }
+    fs::remove_file(path).map_err(failed)?;
+    let (url, expected) = (wanted.url.to_owned(), wanted.sha256.to_owned());
+    Err(NnError::WrongDownload { url, expected, found })
+}
+
+/// ONNX Runtime's library, from its Python package: by `pip`, which knows the user's mirrors and proxies, else from its
+/// address. The package is verified before it is unpacked.
 fn library(downloads: &Path, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Result<PathBuf, NnError> {
-    let package = format!("onnxruntime=={VERSION}");
-    let unpacked = downloads.join("onnxruntime");
+    let wheel = Wheel::for_this_system()?;
+    let what = format!("onnxruntime {VERSION}");
+    let wanted = Wanted { url: wheel.url, sha256: wheel.sha256, bytes: Some(wheel.bytes), what: &what };
+    let into = downloads.join(wheel.file_name());
     for python in ["python3", "python"] {
-        let what = format!("{package} by {python} -m pip");
-        let mut goes_on = || told(Fetched { what: &what, bytes: 0, of: None });
-        let pip = ["-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--only-binary", ":all:"];
-        let mut asked = Command::new(python);
-        asked.args(pip).args(["--no-deps", "--dest"]).arg(downloads).arg(&package);
-        let is_there = goes_on() && succeeds(&mut asked, &mut goes_on)?;
-        if is_there && succeeds(&mut unzip(python, downloads, &unpacked), &mut goes_on)? {
-            return found(&unpacked);
+        if !into.is_file() {
+            let what = format!("{what} by {python} -m pip");
+            by_pip(python, wheel, downloads, &mut || told(Fetched { what: &what, bytes: 0, of: None }))?;
         }
     }
-    let archive = release();
-    let url = format!("https://github.com/microsoft/onnxruntime/releases/download/v{VERSION}/{archive}");
-    let into = downloads.join(&archive);
-    fetch(&url, &into, &mut |bytes| told(Fetched { what: &archive, bytes, of: None }))?;
-    fs::create_dir_all(&unpacked).map_err(|source| NnError::Io { path: unpacked.clone(), source })?;
-    let mut goes_on = || told(Fetched { what: &archive, bytes: 0, of: None });
-    if !succeeds(Command::new("tar").arg("-xf").arg(&into).arg("-C").arg(&unpacked), &mut goes_on)? {
-        return Err(NnError::Request(format!("{}: `tar` cannot unpack it; unpack it by hand", into.display())));
-    }
-    found(&unpacked)
+    verified(&wanted, &into, told)?;
+    let library = downloads.join(library_name());
+    let failed = |source| NnError::Io { path: into.clone(), source };
+    let mut file = fs::File::create(&library).map_err(failed)?;
+    unzip(&into, wheel.library, &mut file).map_err(failed)?;
+    Ok(library)
 }
 
-fn unzip(python: &str, downloads: &Path, unpacked: &Path) -> Command {
-    let is_wheel = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "whl");
-    let wheel = fs::read_dir(downloads).ok().and_then(|files| files.flatten().map(|file| file.path()).find(is_wheel));
-    let mut command = Command::new(python);
-    command.args(["-m", "zipfile", "-e"]).arg(wheel.unwrap_or_default()).arg(unpacked);
-    command
-}
-
-/// Whether a program of the system does its work.
-///
-/// # Errors
-/// When it is stopped.
-fn succeeds(command: &mut Command, goes_on: &mut dyn FnMut() -> bool) -> Result<bool, NnError> {
-    let ended = match watched(command, goes_on) {
-        Ok(ended) => ended,
-        Err(_) => return Ok(false),
-    };
-    let program = command.get_program().to_string_lossy().into_owned();
-    let stopped = NnError::Fetch { url: program, what: "stopped".to_owned(), is_stopped: true };
-    ended.map(|ended| ended.is_well()).ok_or(stopped)
-}
-
-/// The archive of the release for this system.
-fn release() -> String {
-    let system = match std::env::consts::OS {
-        "macos" => "osx",
-        "windows" => "win",
-        other => other,
-    };
-    let processor = match std::env::consts::ARCH {
-        "x86_64" => "x64",
-        "aarch64" if system != "linux" => "arm64",
-        other => other,
-    };
-    let kind = if system == "win" { "zip" } else { "tgz" };
-    format!("onnxruntime-{system}-{processor}-{VERSION}.{kind}")
-}
-
-/// The library within an unpacked package; its name may end in its version.
-fn found(unpacked: &Path) -> Result<PathBuf, NnError> {
-    let name = library_name();
-    let stem = name.trim_end_matches(std::env::consts::DLL_SUFFIX);
-    let is_library = |path: &Path| {
-        let file = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        let plain = file.strip_prefix(stem).is_some_and(|rest| rest.starts_with('.'));
-        plain && file.contains(std::env::consts::DLL_SUFFIX)
-    };
-    let mut folders = vec![unpacked.to_owned()];
-    while let Some(folder) = folders.pop() {
-        let entries = fs::read_dir(&folder).map_err(|source| NnError::Io { path: folder.clone(), source })?;
-        for path in entries.flatten().map(|entry| entry.path()) {
-            if path.is_dir() {
-                folders.push(path);
-            } else if is_library(&path) {
-                return Ok(path);
-            }
-        }
-    }
-    Err(NnError::Request(format!("{}: holds no {name}", unpacked.display())))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_library_is_found_wherever_a_package_holds_it() {
-        let scratch = tempfile::tempdir().unwrap();
-        let inner = scratch.path().join("onnxruntime/capi");
-        fs::create_dir_all(&inner).unwrap();
-        let error = found(scratch.path()).unwrap_err().to_string();
-        assert!(error.contains(&library_name()), "{error}");
-        let stem = library_name().trim_end_matches(std::env::consts::DLL_SUFFIX).to_owned();
-        let suffix = std::env::consts::DLL_SUFFIX;
-        fs::write(inner.join(format!("{stem}_providers_shared{suffix}")), "").unwrap();
-        assert!(found(scratch.path()).is_err(), "another library beside it is not it");
-        let library = inner.join(format!("{stem}{suffix}.1.31.1"));
-        fs::write(&library, "").unwrap();
-        assert_eq!(found(scratch.path()).unwrap(), library);
-    }
-
-    #[test]
-    fn the_release_is_named_as_its_makers_do() {
-        let name = release();
-        assert!(name.starts_with("onnxruntime-") && name.contains(VERSION), "{name}");
-        if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
-            assert_eq!(name, format!("onnxruntime-linux-x64-{VERSION}.tgz"));
-        }
+/// Lets pip download a package into `downloads`, where it can; what it downloads is not verified yet. Isolated (`-I`) and
+/// run in that folder, so that no module is taken from the current folder.
+fn by_pip(python: &str, wheel: &Wheel, downloads: &Path, goes_on: &mut dyn FnMut() -> bool) -> Result<(), NnError> {
+    let Ok(mut pip) = programs::command(python) else { return Ok(()) };
+    pip.args(["-I", "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--only-binary", ":all:"]);
+    pip.args(["--no-deps", "--python-version", PYTHON_VERSION, "--platform", wheel.platform, "--dest"]);
+    pip.arg(downloads).arg(format!("onnxruntime=={VERSION}")).current_dir(downloads);
+    let stopped = || NnError::Fetch { url: python.to_owned(), what: "stopped".to_owned(), is_stopped: true };
+    match goes_on().then(|| watched(&mut pip, goes_on)) {
+        None | Some(Ok(None)) => Err(stopped()),
+        Some(_) => Ok(()), // whether it worked shows in the file
     }
 }

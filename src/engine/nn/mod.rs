@@ -1,6 +1,6 @@
 //! Networks in the ONNX format: find ONNX Runtime, load, check names and shapes, run; the catalogue of weights, and getting them.
 //!
-//! May use: `ort` (only here), the system's `curl`, `pip` and `tar`. Must not touch: what the tensors mean.
+//! May use: `ort` (only here), engine::disk, engine::programs, the system's `curl` and `pip`. Must not touch: what the tensors mean.
 
 mod catalogue;
 mod digest;
@@ -16,7 +16,9 @@ mod runtime;
 mod search;
 mod signature;
 mod tensor;
+mod unzip;
 mod watched;
+mod wheel;
 
 #[cfg(test)]
 mod tests;

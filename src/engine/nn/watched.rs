@@ -3,6 +3,8 @@ use std::process::{ChildStderr, Command, Stdio};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
+use crate::engine::programs::spawn;
+
 /// How often it is asked whether to go on.
 const ASKED_EVERY: Duration = Duration::from_millis(100);
 
@@ -22,7 +24,7 @@ impl Ended {
 
 /// Runs a program of the system to its end, or, with `None`, until `goes_on` says no.
 pub(super) fn watched(command: &mut Command, goes_on: &mut dyn FnMut() -> bool) -> std::io::Result<Option<Ended>> {
-    let mut program = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
+    let mut program = spawn(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()))?;
     let (ended, waited) = channel();
     let stderr = program.stderr.take();
     // Ends with the program, which then closes what it writes to.
@@ -52,7 +54,7 @@ mod tests {
     use super::*;
 
     fn shell(script: &str) -> Command {
-        let mut command = Command::new("sh");
+        let mut command = crate::engine::programs::command("sh").unwrap();
         command.args(["-c", script]);
         command
     }

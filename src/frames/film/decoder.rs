@@ -1,108 +1,125 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, ChildStdout, Stdio};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
+use std::thread::{Builder, JoinHandle};
 
-use super::programs::{Programs, command, not_started};
+use super::log::{FrameInfo, read_log};
+use super::programs::{Programs, command, input, not_started};
+use crate::engine::programs::spawn;
 use crate::frames::header::MAX_PIXELS;
 use crate::frames::{FrameError, Image};
 
-/// Where to start decoding a film.
+/// How to decode a video.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Start {
-    /// Number of the first picture wanted.
-    pub index: u64,
-    /// Its time in seconds from the start.
-    pub time_s: f64,
-    /// How many pictures to decode ahead of what is asked for; at least 1.
+    /// Time to seek to, in seconds from the start of the file; `None` decodes from the very beginning.
+    pub seek_s: Option<f64>,
+    /// How many frames to decode ahead of what is asked for; at least 1.
     pub ahead: usize,
+    /// Whether frames come with a checksum of their pixels.
+    pub checksums: bool,
+    /// One thread only: what decoders make of damaged data depends on the timing of threads.
+    pub single_thread: bool,
 }
 
-/// Pictures are found by their time less this: pictures of films lie farther apart.
-const JUST_BEFORE_S: f64 = 0.0004;
+/// One decoded frame.
+#[derive(Debug)]
+pub(super) struct Decoded {
+    pub image: Image,
+    pub info: FrameInfo,
+}
 
-/// How much earlier to begin, in seconds, in films without an index, where ffmpeg may land behind the time asked for.
-const RUN_UP_S: f64 = 10.0;
-
-/// Endings of the kinds of film that have an index, in lower case.
-const INDEXED: [&str; 7] = ["mp4", "m4v", "mov", "mkv", "webm", "avi", "3gp"];
-
-/// A running ffmpeg that hands out the pictures of a film in order, some of them decoded ahead.
+/// A running ffmpeg that hands out the frames of a video in order, some of them decoded ahead.
 #[derive(Debug)]
 pub(super) struct Decoder {
     child: Child,
     /// `None` only while dropped.
-    pictures: Option<Receiver<Result<Image, String>>>,
-    reader: Option<std::thread::JoinHandle<()>>,
+    images: Option<Receiver<Result<Image, String>>>,
+    infos: Receiver<FrameInfo>,
+    reader: Option<JoinHandle<()>>,
+    log: Option<JoinHandle<Option<String>>>,
 }
 
 impl Decoder {
-    /// Starts ffmpeg so that [`Self::next`] first gives the picture `start.index`.
+    /// Starts ffmpeg. After a seek the first frame is that of a key frame somewhere near, or any other: compare its info.
     pub fn start(programs: &Programs, path: &Path, start: Start) -> Result<Self, FrameError> {
-        let mut command = command(&programs.ffmpeg, ["-v", "error", "-nostdin"]);
-        let (seek, run_up) = seek_and_run_up(path, start);
-        if seek > 0.0 {
-            command.args(["-ss", &format!("{seek:.6}")]);
-        }
-        command.arg("-i").arg(path).args(["-map", "0:V:0"]);
-        if run_up > 0.0 {
-            command.args(["-ss", &format!("{run_up:.6}")]);
-        }
-        command.args(programs.every_picture_once()).args(["-pix_fmt", "rgb24", "-c:v", "ppm", "-f", "image2pipe", "-"]);
-        let mut child =
-            command.stderr(Stdio::null()).spawn().map_err(|error| not_started(path, &programs.ffmpeg, &error))?;
-        let (sender, pictures) = sync_channel(start.ahead.max(1));
-        let stdout = child.stdout.take();
-        let reader = std::thread::Builder::new().name("film".into()).spawn(move || {
+        let mut command = decoding(programs, path, start)?;
+        command.args(["-pix_fmt", "rgb24", "-c:v", "ppm", "-f", "image2pipe", "pipe:1"]);
+        let mut child = spawn(&mut command).map_err(|error| not_started(path, &programs.ffmpeg, &error))?;
+        let (sender, images) = sync_channel(start.ahead.max(1));
+        let (info_sender, infos) = channel();
+        let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
+        let log = Builder::new().name("video log".into());
+        let log = log.spawn(move || stderr.and_then(|stderr| read_log(stderr, &info_sender)));
+        let reader = Builder::new().name("video".into()).spawn(move || {
             if let Some(stdout) = stdout {
-                read_pictures(stdout, &sender);
+                read_images(stdout, &sender);
             }
         });
-        let reader = Some(reader.map_err(|source| FrameError::io(path, source))?);
-        Ok(Self { child, pictures: Some(pictures), reader })
+        let mut decoder = Self { child, images: Some(images), infos, reader: None, log: None };
+        decoder.log = Some(log.map_err(|source| FrameError::io(path, source))?);
+        decoder.reader = Some(reader.map_err(|source| FrameError::io(path, source))?);
+        Ok(decoder)
     }
 
-    /// The next picture; an error says why there is none.
-    pub fn next(&mut self) -> Result<Image, String> {
-        let received = self.pictures.as_ref().map(Receiver::recv);
-        received.and_then(Result::ok).unwrap_or_else(|| Err("the film has no more pictures".into()))
+    /// The next frame; an error says why there is none.
+    pub fn next(&mut self) -> Result<Decoded, String> {
+        let received = self.images.as_ref().map(Receiver::recv);
+        let image = received.and_then(Result::ok).unwrap_or_else(|| Err(self.end()))?;
+        // Each frame is logged before it is written.
+        let info = self.infos.recv().map_err(|_| self.end())?;
+        Ok(Decoded { image, info })
+    }
+
+    /// Why there are no more frames.
+    fn end(&mut self) -> String {
+        let error = self.log.take().and_then(|log| log.join().ok()).flatten();
+        error.unwrap_or_else(|| "the video has no more frames".to_owned())
     }
 }
 
 impl Drop for Decoder {
     fn drop(&mut self) {
-        drop(self.pictures.take()); // so that the reader does not wait for someone to take a picture
+        drop(self.images.take()); // so that the reader does not wait for someone to take an image
         let _ = self.child.kill();
         let _ = self.child.wait();
         if let Some(reader) = self.reader.take() {
             let _ = reader.join();
         }
+        if let Some(log) = self.log.take() {
+            let _ = log.join();
+        }
     }
 }
 
-/// The time to seek to, and how long to decode from there without giving pictures out.
-fn seek_and_run_up(path: &Path, start: Start) -> (f64, f64) {
-    if start.index == 0 {
-        return (0.0, 0.0);
+/// The part of ffmpeg's command line that decodes: every frame once, each reported by `showinfo` with its own time.
+pub(super) fn decoding(programs: &Programs, path: &Path, start: Start) -> Result<std::process::Command, FrameError> {
+    let input = input(path)?;
+    let mut command = command(&programs.ffmpeg, ["-hide_banner", "-nostats", "-nostdin", "-v", "level+repeat+info"]);
+    if start.single_thread {
+        command.args(["-threads", "1"]);
     }
-    let time_s = start.time_s - JUST_BEFORE_S;
-    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    if INDEXED.contains(&ending.as_str()) {
-        return (time_s, 0.0);
+    command.arg("-copyts");
+    if let Some(seek_s) = start.seek_s {
+        // Frames before the time asked for are not dropped by ffmpeg: the first one shows where decoding began.
+        command.args(["-noaccurate_seek", "-ss", &format!("{seek_s:.6}")]);
     }
-    let seek = (time_s - RUN_UP_S).max(0.0);
-    (seek, time_s - seek)
+    let info = if start.checksums { "showinfo" } else { "showinfo=checksum=0" };
+    command.args(input).args(["-map", "0:V:0", "-vf", info]).args(programs.every_picture_once());
+    command.stdin(Stdio::null());
+    Ok(command)
 }
 
-fn read_pictures(stdout: ChildStdout, sender: &SyncSender<Result<Image, String>>) {
+fn read_images(stdout: ChildStdout, sender: &SyncSender<Result<Image, String>>) {
     let mut reader = BufReader::with_capacity(1 << 16, stdout);
     loop {
-        let picture = match reader.fill_buf() {
+        let image = match reader.fill_buf() {
             Ok([]) => return,
-            _ => read_ppm(&mut reader).map_err(|error| format!("it breaks off: {error}")),
+            _ => read_ppm(&mut reader).map_err(|error| format!("its data breaks off: {error}")),
         };
-        let broken = picture.is_err();
-        if sender.send(picture).is_err() || broken {
+        let broken = image.is_err();
+        if sender.send(image).is_err() || broken {
             return;
         }
     }
@@ -110,7 +127,7 @@ fn read_pictures(stdout: ChildStdout, sender: &SyncSender<Result<Image, String>>
 
 /// Reads one binary PPM of 8 bits, as ffmpeg writes it: three lines, then the pixels.
 fn read_ppm(reader: &mut impl BufRead) -> std::io::Result<Image> {
-    let invalid = || std::io::Error::new(std::io::ErrorKind::InvalidData, "no picture where one must be");
+    let invalid = || std::io::Error::new(std::io::ErrorKind::InvalidData, "not an image of ffmpeg");
     let mut header = String::new();
     for _ in 0..3 {
         reader.by_ref().take(32).read_line(&mut header)?;
@@ -138,14 +155,5 @@ mod tests {
         assert!(read_ppm(&mut reader).is_err());
         assert!(read_ppm(&mut b"P6\n99999999 99999999\n255\n".as_slice()).is_err());
         assert!(read_ppm(&mut b"P5\n1 1\n255\n0".as_slice()).is_err());
-    }
-
-    #[test]
-    fn films_without_an_index_get_a_run_up() {
-        let start = Start { index: 500, time_s: 20.0, ahead: 1 };
-        assert_eq!(seek_and_run_up(Path::new("a.MP4"), start), (20.0 - JUST_BEFORE_S, 0.0));
-        let (seek, run_up) = seek_and_run_up(Path::new("a.ts"), start);
-        assert!((seek + run_up - 20.0 + JUST_BEFORE_S).abs() < 1e-9 && run_up == RUN_UP_S);
-        assert_eq!(seek_and_run_up(Path::new("a.ts"), Start { index: 0, ..start }), (0.0, 0.0));
     }
 }

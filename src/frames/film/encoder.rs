@@ -1,3 +1,4 @@
+use std::ffi::OsString;
 use std::io::{Read, Write};
 use std::path::Path;
 use std::process::{Child, Stdio};
@@ -5,6 +6,7 @@ use std::process::{Child, Stdio};
 use super::programs::{Programs, command};
 use crate::engine::disk::WorkFolder;
 use crate::engine::job::Progress;
+use crate::engine::programs::spawn;
 use crate::frames::{FrameError, Image};
 
 /// What a film is made of.
@@ -62,10 +64,13 @@ fn start(path: &Path, part: &Path, options: &FilmOptions) -> Result<Child, Frame
     let programs = Programs::default();
     let size = format!("{}x{}", options.size.0, options.size.1);
     let mut command = command(&programs.ffmpeg, ["-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]);
-    command.args(["-s", &size, "-framerate", &options.fps.to_string(), "-i", "-"]);
+    command.args(["-s", &size, "-framerate", &options.fps.to_string(), "-i", "pipe:0"]);
+    let io = |source| FrameError::io(path, source);
+    let mut output = OsString::from("file:"); // so that no name is taken for an option or an address
+    output.push(std::path::absolute(part).map_err(io)?);
     // Most players want even sides and half the colour.
-    command.args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]).arg(part);
-    command.stdin(Stdio::piped()).stdout(Stdio::null()).spawn().map_err(|error| FrameError::Invalid {
+    command.args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]).arg(output);
+    spawn(command.stdin(Stdio::piped()).stdout(Stdio::null())).map_err(|error| FrameError::Invalid {
         path: path.into(),
         what: format!(
             "films are made with ffmpeg, and {} cannot be started ({error}); install ffmpeg so that it is found by the PATH \

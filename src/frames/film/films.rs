@@ -1,8 +1,11 @@
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Condvar, LazyLock, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, LazyLock, Mutex, MutexGuard, PoisonError};
 
-use super::decoder::{Decoder, Start};
-use super::programs::Programs;
+use super::probe::Stream;
+use super::programs::{Programs, input};
+use super::search::{Damage, Knowledge, Running, Target, read_frame};
+use crate::engine::job::Progress;
 use crate::frames::{FrameError, Image};
 
 /// How many ffmpeg processes run at once: one for each thread that goes through a part of a film, within these bounds.
@@ -26,6 +29,8 @@ pub(in crate::frames) struct Films {
     programs: Programs,
     state: Mutex<State>,
     changed: Condvar,
+    /// What is known of each video that was read.
+    known: Mutex<BTreeMap<PathBuf, Arc<Mutex<Knowledge>>>>,
 }
 
 #[derive(Debug, Default)]
@@ -43,39 +48,71 @@ struct Slot {
     next: u64,
     used: u64,
     /// `None` while a thread reads from it.
-    decoder: Option<Decoder>,
+    decoder: Option<Running>,
+}
+
+/// Damage that was found while reading and is not yet taken.
+static DAMAGE: Mutex<Vec<String>> = Mutex::new(Vec::new());
+
+/// Damage that ffmpeg found in videos since the last call, a line for each video.
+#[must_use]
+pub fn take_video_damage() -> Vec<String> {
+    std::mem::take(&mut *DAMAGE.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+fn report(path: &Path, damage: &Damage) {
+    let Damage { index, error } = damage;
+    let line = format!(
+        "{}: damaged at or before frame {index} ({error}); what the frames from there on show may be wrong: replace the \
+         file or leave these frames out",
+        path.display()
+    );
+    DAMAGE.lock().unwrap_or_else(PoisonError::into_inner).push(line);
 }
 
 impl Films {
-    /// Decodes picture `index` of a film, which is at `time_s` from its start and about `bytes` large.
+    /// Decodes frame `index` of a video, which is at `time_s` from its start and about `bytes` large.
     pub fn read(&self, film: &Path, index: u64, time_s: f64, bytes: usize) -> Result<Image, FrameError> {
-        let mut lease = self.lease(film, index);
-        let (mut decoder, mut next) = match lease.decoder.take() {
-            Some(running) => running,
-            None => {
-                let ahead = (AHEAD_BYTES / *MAX_DECODERS / bytes.max(1)).clamp(1, 16);
-                (Decoder::start(&self.programs, film, Start { index, time_s, ahead })?, index)
+        input(film)?;
+        let known = self.knowledge(film)?;
+        let has_sure_seeks = known.lock().unwrap_or_else(PoisonError::into_inner).has_sure_seeks();
+        let mut lease = self.lease(film, index, if has_sure_seeks { MAX_SKIP } else { u64::MAX });
+        let ahead = (AHEAD_BYTES / *MAX_DECODERS / bytes.max(1)).clamp(1, 16);
+        let mut mine = known.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let had_damage = mine.damage.is_some();
+        let running = lease.decoder.take();
+        let read = read_frame(&self.programs, film, running, (Target { index, time_s }, ahead), &mut mine);
+        {
+            let mut shared = known.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(damage) = mine.damage.as_ref().filter(|_| !had_damage && shared.damage.is_none()) {
+                report(film, damage);
             }
-        };
-        loop {
-            let image = decoder.next().map_err(|why| no_picture(film, next, &why))?;
-            next += 1;
-            if next > index {
-                lease.decoder = Some((decoder, next));
-                return Ok(image);
-            }
+            shared.learn_from(mine);
         }
+        let (image, running) = read?;
+        lease.decoder = Some(running);
+        Ok(image)
+    }
+
+    fn knowledge(&self, film: &Path) -> Result<Arc<Mutex<Knowledge>>, FrameError> {
+        let locked = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = locked().get(film) {
+            return Ok(known.clone());
+        }
+        let stream = Stream::read(&self.programs, film, &Progress::default())?;
+        let new = || Arc::new(Mutex::new(Knowledge::new(stream)));
+        Ok(locked().entry(film.into()).or_insert_with(new).clone())
     }
 
     /// Waits for the right to read the picture: with a decoder that comes to it soon, or with none.
-    fn lease(&self, film: &Path, index: u64) -> Lease<'_> {
+    fn lease(&self, film: &Path, index: u64, max_skip: u64) -> Lease<'_> {
         let mut state = self.lock();
         loop {
-            match state.slot_for(film, index) {
+            match state.slot_for(film, index, max_skip) {
                 Some(at) => {
                     let slot = &mut state.slots[at];
                     if let Some(decoder) = slot.decoder.take() {
-                        let decoder = Some((decoder, slot.next));
+                        let decoder = Some(decoder);
                         slot.next = index + 1;
                         return Lease { films: self, id: slot.id, decoder };
                     }
@@ -98,10 +135,14 @@ impl Films {
 }
 
 impl State {
-    /// The slot whose decoder comes to the picture soonest.
-    fn slot_for(&self, film: &Path, index: u64) -> Option<usize> {
-        let soon = |slot: &Slot| slot.film == film && slot.next <= index && index - slot.next <= MAX_SKIP;
-        let fitting = self.slots.iter().enumerate().filter(|(_, slot)| soon(slot));
+    /// The slot whose decoder comes to the frame soonest. One that another thread reads from is worth waiting for only
+    /// where it is near.
+    fn slot_for(&self, film: &Path, index: u64, max_skip: u64) -> Option<usize> {
+        let fits = |slot: &Slot| {
+            let skip = if slot.decoder.is_some() { max_skip } else { MAX_SKIP };
+            slot.film == film && slot.next <= index && index - slot.next <= skip
+        };
+        let fitting = self.slots.iter().enumerate().filter(|(_, slot)| fits(slot));
         fitting.max_by_key(|(_, slot)| (slot.next, slot.decoder.is_some())).map(|(at, _)| at)
     }
 
@@ -124,8 +165,8 @@ impl State {
 struct Lease<'a> {
     films: &'a Films,
     id: u64,
-    /// A running decoder and the number of the picture that it gives next.
-    decoder: Option<(Decoder, u64)>,
+    /// A running decoder.
+    decoder: Option<Running>,
 }
 
 impl Drop for Lease<'_> {
@@ -135,19 +176,11 @@ impl Drop for Lease<'_> {
         let now = state.clock;
         if let Some(at) = state.slots.iter().position(|slot| slot.id == self.id) {
             match self.decoder.take() {
-                Some((decoder, _)) => (state.slots[at].decoder, state.slots[at].used) = (Some(decoder), now),
+                Some(decoder) => (state.slots[at].decoder, state.slots[at].used) = (Some(decoder), now),
                 None => drop(state.slots.swap_remove(at)),
             }
         }
         drop(state);
         self.films.changed.notify_all();
     }
-}
-
-fn no_picture(film: &Path, index: u64, why: &str) -> FrameError {
-    let what = format!(
-        "ffmpeg gives no picture {index} ({why}); the film is damaged or was changed: put the earlier file back or open \
-         the frames anew"
-    );
-    FrameError::Invalid { path: film.into(), what }
 }

@@ -6,9 +6,12 @@
 mod decoder;
 mod encoder;
 mod films;
+mod log;
 mod probe;
 mod programs;
+mod search;
 
 pub use encoder::{FilmOptions, write_film};
 pub(super) use films::Films;
+pub use films::take_video_damage;
 pub(super) use probe::{Probed, probe};

@@ -1,10 +1,13 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::ChildStderr;
+use std::process::{ChildStderr, Stdio};
+use std::sync::mpsc::channel;
 
-use super::decoder::{Decoder, Start};
-use super::programs::{Programs, command, not_started};
+use super::decoder::{Decoder, Start, decoding};
+use super::log::read_log;
+use super::programs::{Programs, command, explained, input, not_started};
 use crate::engine::job::Progress;
+use crate::engine::programs::spawn;
 use crate::frames::FrameError;
 
 /// What opening a film finds out.
@@ -20,16 +23,23 @@ pub(in crate::frames) struct Probed {
     pub damage: Option<String>,
 }
 
-/// Seconds between two pictures where nothing says so.
+/// Seconds between two frames where nothing says so.
 const USUAL_STEP_S: f64 = 0.04;
 
-/// Codecs whose packets are one shown picture each, so that the times need no decoding.
-const ONE_PACKET_A_PICTURE: [&str; 9] = ["h264", "hevc", "vp9", "av1", "mjpeg", "prores", "dnxhd", "ffv1", "mpeg4"];
+/// Containers in which every frame has a time of its own and seeking lands on a flagged key frame.
+const TIMED_CONTAINERS: [&str; 4] = ["mov", "mp4", "matroska", "webm"];
 
-/// Finds out when the pictures of a film are and how large they are shown.
+/// Codecs whose packets are one shown frame each, and whose decoder shows where decoding may begin.
+const SEEKABLE_CODECS: [&str; 9] = ["h264", "hevc", "vp8", "vp9", "av1", "mjpeg", "prores", "dnxhd", "ffv1"];
+
+/// Videos of at most so many pixels in all frames are decoded when they are opened, which takes a few seconds and finds
+/// every damage. The frames of longer ones are taken from the container where that lists them.
+const MAX_SCAN_PIXELS: u64 = 1_000_000_000;
+
+/// Finds out when the frames of a video are and how large they are shown.
 ///
 /// # Errors
-/// [`FrameError`] when ffmpeg is not installed, the file is no film or a damaged one, or the user stopped it.
+/// [`FrameError`] when ffmpeg is not installed, the file is no video or a damaged one, or the user stopped it.
 pub(in crate::frames) fn probe(path: &Path, progress: &Progress) -> Result<Probed, FrameError> {
     probe_with(&Programs::default(), path, progress)
 }
@@ -38,63 +48,107 @@ fn probe_with(programs: &Programs, path: &Path, progress: &Progress) -> Result<P
     let stream = Stream::read(programs, path, progress)?;
     let (times_s, damage) = times(programs, path, &stream, progress)?;
     if times_s.is_empty() {
-        return Err(no_film(path, damage.as_deref().unwrap_or("it has no pictures")));
+        return Err(no_film(path, damage.as_deref().unwrap_or("it has no frames")));
     }
-    let start = Start { index: 0, time_s: times_s[0], ahead: 1 };
-    let first = Decoder::start(programs, path, start)?.next().map_err(|why| no_film(path, &why))?;
+    let start = Start { seek_s: None, ahead: 1, checksums: false, single_thread: false };
+    let first = Decoder::start(programs, path, start)?.next().map_err(|why| no_film(path, &why))?.image;
     Ok(Probed { width: first.width, height: first.height, times_s, damage })
 }
 
-/// What the header says of the film's first stream of pictures.
-struct Stream {
-    has_plain_packets: bool,
-    start_s: f64,
+/// What the header says of the first video stream.
+#[derive(Debug)]
+pub(super) struct Stream {
+    /// Whether frames are found by their times after a seek. Otherwise frame k is the k-th that decoding from the
+    /// beginning gives: containers such as AVI, MPEG-TS and raw streams have no reliable times, and decoders such as
+    /// that of MPEG-4 Part 2 do not show whether frames after a seek are whole.
+    pub is_seekable: bool,
+    /// Where the clock of the file begins, in seconds.
+    pub start_s: f64,
+    pixels: u64,
 }
 
 impl Stream {
-    fn read(programs: &Programs, path: &Path, progress: &Progress) -> Result<Self, FrameError> {
+    /// A stream of which only this is known.
+    #[cfg(test)]
+    pub fn for_tests(is_seekable: bool) -> Self {
+        Self { is_seekable, start_s: 0.0, pixels: 1 }
+    }
+
+    /// Reads the header.
+    pub fn read(programs: &Programs, path: &Path, progress: &Progress) -> Result<Self, FrameError> {
         let mut stream = None;
-        let mut start_s = 0.0;
-        let entries = "stream=codec_name,field_order:format=start_time";
+        let (mut start_s, mut is_timed) = (0.0, false);
+        let entries = "stream=codec_name,field_order,width,height:format=format_name,start_time";
         let errors = ffprobe(programs, path, entries, progress, |line| {
             if let Some(codec) = field(line, "stream|", "codec_name") {
                 let progressive =
                     matches!(field(line, "stream|", "field_order"), None | Some("progressive" | "unknown"));
-                stream = Some(progressive && ONE_PACKET_A_PICTURE.contains(&codec));
+                let side = |name| field(line, "stream|", name).and_then(|side| side.parse::<u32>().ok()).unwrap_or(0);
+                let pixels = u64::from(side("width")) * u64::from(side("height"));
+                stream = Some((progressive && SEEKABLE_CODECS.contains(&codec), pixels));
+            }
+            if let Some(names) = field(line, "format|", "format_name") {
+                is_timed = names.split(',').any(|name| TIMED_CONTAINERS.contains(&name));
             }
             if let Some(start) = field(line, "format|", "start_time").and_then(|start| start.parse().ok()) {
                 start_s = start;
             }
         })?;
-        let Some(has_plain_packets) = stream else {
-            return Err(no_film(path, errors.as_deref().unwrap_or("it has no pictures")));
+        let Some((is_seekable, pixels)) = stream else {
+            return Err(no_film(path, errors.as_deref().unwrap_or("it has no video stream")));
         };
-        Ok(Self { has_plain_packets, start_s })
+        Ok(Self { is_seekable: is_seekable && is_timed, start_s, pixels })
     }
 }
 
-/// The times of the pictures, from packets where that is exact, else by decoding; and what ffprobe complained about.
+/// The times of the frames, and what is wrong with them.
 fn times(
     programs: &Programs,
     path: &Path,
     stream: &Stream,
     progress: &Progress,
 ) -> Result<(Vec<f64>, Option<String>), FrameError> {
-    if stream.has_plain_packets {
+    let mut listed = None;
+    if stream.is_seekable {
         let mut packets = Packets { times_s: Some(Vec::new()), starts_with_key: None };
         let errors = ffprobe(programs, path, "packet=pts_time,flags", progress, |line| packets.take(line))?;
-        if let (None, Some(times_s), Some(true)) = (errors, packets.times_s, packets.starts_with_key) {
+        listed = packets.whole().filter(|_| errors.is_none());
+        if let Some(times_s) = listed.take_if(|times_s| times_s.len() as u64 * stream.pixels > MAX_SCAN_PIXELS) {
             return Ok((from_start(times_s, stream.start_s), None));
         }
     }
-    let mut times_s = Vec::new();
-    let errors = ffprobe(programs, path, "frame=best_effort_timestamp_time", progress, |line| {
-        if let Some(time) = field(line, "frame|", "best_effort_timestamp_time") {
-            let time = time.parse().ok().filter(|time: &f64| time.is_finite());
-            times_s.push(time.unwrap_or_else(|| after(&times_s)));
+    let (times_s, mut damage) = scan(programs, path, progress)?;
+    let missing = listed.map_or(0, |listed| listed.len().saturating_sub(times_s.len()));
+    if missing > 0 && damage.is_none() {
+        damage = Some(format!("{missing} frames cannot be decoded"));
+    }
+    Ok((from_start(times_s, stream.start_s), damage))
+}
+
+/// The times of all frames by decoding the whole video, and the first error with the frame it was found at.
+fn scan(programs: &Programs, path: &Path, progress: &Progress) -> Result<(Vec<f64>, Option<String>), FrameError> {
+    let start = Start { seek_s: None, ahead: 1, checksums: false, single_thread: false };
+    let mut command = decoding(programs, path, start)?;
+    command.args(["-f", "null", "-"]).stdout(Stdio::null());
+    let mut child = spawn(&mut command).map_err(|error| not_started(path, &programs.ffmpeg, &error))?;
+    let (sender, infos) = channel();
+    let stderr = child.stderr.take();
+    let log = std::thread::spawn(move || stderr.and_then(|stderr| read_log(stderr, &sender)));
+    let (mut times_s, mut damage) = (Vec::new(), None);
+    for info in infos {
+        if let Err(stopped) = progress.check() {
+            let _ = child.kill();
+            let _ = child.wait();
+            return Err(stopped.into());
         }
-    })?;
-    Ok((from_start(times_s, stream.start_s), errors))
+        if let Some(error) = info.error {
+            damage.get_or_insert_with(|| format!("at frame {}: {error}", times_s.len()));
+        }
+        times_s.push(info.pts_s.unwrap_or_else(|| after(&times_s)));
+    }
+    let _ = child.wait();
+    let last = log.join().ok().flatten().map(|error| format!("after frame {}: {error}", times_s.len().max(1) - 1));
+    Ok((times_s, damage.or(last).map(|complaint| explained(&complaint))))
 }
 
 /// Times that packets give; `None` once one has no time.
@@ -104,6 +158,16 @@ struct Packets {
 }
 
 impl Packets {
+    /// The times in order of presentation, where they are certain: each its own, and none before that of the first key
+    /// frame, which could not be decoded.
+    fn whole(self) -> Option<Vec<f64>> {
+        let mut times_s = self.times_s.filter(|_| self.starts_with_key == Some(true))?;
+        let first = *times_s.first()?;
+        times_s.sort_by(f64::total_cmp);
+        let is_certain = times_s[0] == first && times_s.windows(2).all(|pair| pair[0] < pair[1]);
+        is_certain.then_some(times_s)
+    }
+
     fn take(&mut self, line: &str) {
         if !line.starts_with("packet|") {
             return;
@@ -148,7 +212,8 @@ fn ffprobe(
     let arguments =
         ["-hide_banner", "-v", "error", "-select_streams", "V:0", "-show_entries", entries, "-of", "compact"];
     let mut command = command(&programs.ffprobe, arguments);
-    let mut child = command.arg(path).spawn().map_err(|error| not_started(path, &programs.ffprobe, &error))?;
+    command.args(input(path)?);
+    let mut child = spawn(&mut command).map_err(|error| not_started(path, &programs.ffprobe, &error))?;
     let complaint = child.stderr.take().map(|stderr| std::thread::spawn(move || first_line(stderr)));
     let stdout = child.stdout.take();
     let read = stdout.map_or(Ok(()), |stdout| {
@@ -184,7 +249,8 @@ fn field<'a>(line: &'a str, section: &str, key: &str) -> Option<&'a str> {
 }
 
 fn no_film(path: &Path, why: &str) -> FrameError {
-    let what = format!("ffmpeg cannot read this as a film ({why}); give a film, a picture or a folder of pictures");
+    let why = explained(why);
+    let what = format!("ffmpeg cannot read this as a video ({why}); give a video, an image or a folder of images");
     FrameError::Invalid { path: path.into(), what }
 }
 
@@ -195,8 +261,9 @@ mod tests {
     #[test]
     fn missing_programs_are_named_with_what_to_install() {
         let nowhere = Programs::new("/nowhere/ffmpeg".into(), "/nowhere/ffprobe".into());
-        let error = probe_with(&nowhere, Path::new("/film.mp4"), &Progress::default()).unwrap_err().to_string();
-        assert!(error.contains("/film.mp4") && error.contains("/nowhere/ffprobe") && error.contains("install ffmpeg"));
+        let file = tempfile::NamedTempFile::with_suffix("video.mp4").unwrap();
+        let error = probe_with(&nowhere, file.path(), &Progress::default()).unwrap_err().to_string();
+        assert!(error.contains("video.mp4") && error.contains("/nowhere/ffprobe") && error.contains("install ffmpeg"));
     }
 
     #[test]

@@ -1,11 +1,18 @@
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 use ffmpeg_sidecar::command::FfmpegCommand;
 
+use crate::engine::programs::{find, spawn};
 use crate::frames::FrameError;
+
+/// Containers that hold their own data. Those that refer to other files or addresses (playlists such as HLS and DASH,
+/// concat scripts, SDP, image sequences) are left out: a file from a stranger must not make ffmpeg open anything else.
+const CONTAINERS: &str = "mov,matroska,webm,avi,mpegts,mpegtsraw,mpeg,mpegvideo,m4v,h261,h263,h264,hevc,vvc,vc1,\
+                          vc1test,av1,obu,ivf,dirac,mjpeg,mjpeg_2000,dnxhd,cavsvideo,flv,live_flv,asf,ogg,gif,apng,nut,mxf,gxf,\
+                          lxf,rm,dv,wtv,pva,nuv,swf,yuv4mpegpipe,smk,bink,roq,rpl,film_cpk,nsv,ty,viv,xmv,r3d,4xm";
 
 /// The system's ffmpeg programs, found when they are first needed.
 #[derive(Debug)]
@@ -17,7 +24,7 @@ pub(super) struct Programs {
 
 impl Default for Programs {
     fn default() -> Self {
-        Self::new(ffmpeg_sidecar::paths::ffmpeg_path(), ffmpeg_sidecar::ffprobe::ffprobe_path())
+        Self::new(located("ffmpeg"), located("ffprobe"))
     }
 }
 
@@ -30,7 +37,8 @@ impl Programs {
     /// The options that pass every picture on once, without doubling or dropping any to keep a rate.
     pub fn every_picture_once(&self) -> [&'static str; 2] {
         *self.every_picture_once.get_or_init(|| {
-            let output = command(&self.ffmpeg, ["-version"]).output();
+            let output =
+                spawn(&mut command(&self.ffmpeg, ["-version"])).and_then(std::process::Child::wait_with_output);
             let text = output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned()).unwrap_or_default();
             if is_before_5_1(&text) { ["-vsync", "passthrough"] } else { ["-fps_mode", "passthrough"] }
         })
@@ -42,6 +50,41 @@ pub(super) fn command(program: &Path, arguments: impl IntoIterator<Item = impl A
     let mut command = Command::from(FfmpegCommand::new_with_path(program)); // opens no console on Windows
     command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
+}
+
+/// The program next to this one, else that of the `PATH`; the bare name, which [`spawn`] refuses, where there is none.
+fn located(name: &str) -> PathBuf {
+    let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
+    let own = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.join(file)));
+    own.filter(|path| path.is_absolute() && path.is_file()).or_else(|| find(name)).unwrap_or_else(|| name.into())
+}
+
+/// The arguments that name an input: a regular file by its absolute path, read by no protocol but `file:`.
+///
+/// # Errors
+/// [`FrameError`] when the path is relative (it may be an address) or is no regular file.
+pub(super) fn input(path: &Path) -> Result<Vec<OsString>, FrameError> {
+    let invalid = |what: &str| FrameError::Invalid { path: path.into(), what: what.to_owned() };
+    if !path.is_absolute() {
+        return Err(invalid("the path of a video must be absolute; point the project to the file"));
+    }
+    let file = path.metadata().map_err(|source| FrameError::io(path, source))?;
+    if !file.is_file() {
+        return Err(invalid("not a regular file; give a video file"));
+    }
+    let mut name = OsString::from("file:");
+    name.push(path);
+    let options = ["-protocol_whitelist", "file", "-format_whitelist", CONTAINERS, "-i"];
+    Ok(options.into_iter().map(OsString::from).chain([name]).collect())
+}
+
+/// What a complaint of ffmpeg means to the user, where its own text says too little.
+pub(super) fn explained(complaint: &str) -> String {
+    if complaint.contains("not on whitelist") {
+        return "its format is not a supported video container, or one that refers to other files, such as a playlist"
+            .to_owned();
+    }
+    complaint.to_owned()
 }
 
 /// The error for a program that cannot be started to read `film`.

@@ -4,6 +4,7 @@ use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::Command;
 
+use super::super::digest::sha256;
 use super::super::fetch::fetch;
 use super::super::{Catalogue, NnError, check, install};
 use super::ready;
@@ -61,17 +62,17 @@ fn a_broken_download_is_continued() {
     }
     let (file, scratch) = (bytes(100_000), tempfile::tempdir().unwrap());
     let (url, into) = (serve(file.clone(), &[40_000, 30_000]), scratch.path().join("file"));
-    let error = fetch(&url, &into, &mut |_| true).unwrap_err();
+    let error = fetch(&url, &into, 1 << 20, &mut |_| true).unwrap_err();
     assert!(matches!(&error, NnError::Fetch { is_stopped: false, .. }), "{error}");
     let part = scratch.path().join("file.part");
     assert!(fs::metadata(&part).unwrap().len() == 40_000 && !into.exists());
-    fetch(&url, &into, &mut |_| true).unwrap_err();
+    fetch(&url, &into, 1 << 20, &mut |_| true).unwrap_err();
     assert_eq!(fs::metadata(&part).unwrap().len(), 70_000, "another break loses nothing");
     // What is there is not asked for again.
     let mut kept = fs::read(&part).unwrap();
     kept[0] ^= 1;
     fs::write(&part, &kept).unwrap();
-    fetch(&url, &into, &mut |_| true).unwrap();
+    fetch(&url, &into, 1 << 20, &mut |_| true).unwrap();
     let got = fs::read(&into).unwrap();
     assert!(got[0] == file[0] ^ 1 && got[1..] == file[1..] && !part.exists());
 }
@@ -85,8 +86,25 @@ fn a_download_stops_when_asked_to() {
     // Nobody answers.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("http://{}/file", listener.local_addr().unwrap());
-    let error = fetch(&url, &scratch.path().join("file"), &mut |_| false).unwrap_err();
+    let error = fetch(&url, &scratch.path().join("file"), 1 << 20, &mut |_| false).unwrap_err();
     assert!(matches!(error, NnError::Fetch { is_stopped: true, .. }), "{error}");
+}
+
+fn digest(bytes: &[u8]) -> String {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    fs::write(file.path(), bytes).unwrap();
+    sha256(file.path()).unwrap()
+}
+
+#[test]
+fn a_file_that_is_longer_than_expected_is_not_kept() {
+    if !curl() {
+        return;
+    }
+    let (url, scratch) = (serve(bytes(100_000), &[]), tempfile::tempdir().unwrap());
+    let error = fetch(&url, &scratch.path().join("file"), 50_000, &mut |_| true).unwrap_err();
+    assert!(matches!(error, NnError::Fetch { is_stopped: false, .. }), "{error}");
+    assert!(!scratch.path().join("file").exists());
 }
 
 fn catalogue(url: &str, sha256: Option<&str>) -> Catalogue {
@@ -108,8 +126,10 @@ fn a_network_is_fetched_checked_and_remembered() {
     let scratch = tempfile::tempdir().unwrap();
     let (url, target) = (serve(network.clone(), &[]), scratch.path().join("models"));
     let wrong = install(&catalogue(&url, Some("00")), &target, "xfeat", &mut |_| true).unwrap_err();
-    assert!(matches!(&wrong, NnError::Digest { .. }) && !target.join("n.onnx").exists(), "{wrong}");
-    let (good, mut most) = (catalogue(&url, None), 0);
+    assert!(matches!(&wrong, NnError::WrongDownload { .. }) && !target.join("n.onnx").exists(), "{wrong}");
+    let unknown = install(&catalogue(&url, None), &target, "xfeat", &mut |_| true).unwrap_err().to_string();
+    assert!(unknown.contains("no digest") && unknown.contains("ostra models add xfeat"), "{unknown}");
+    let (good, mut most) = (catalogue(&url, Some(&digest(&network))), 0);
     let added = install(&good, &target, "xfeat", &mut |now| {
         assert!(now.what.contains("MIT"), "the licence is told: {}", now.what);
         most = now.bytes.max(most);
@@ -137,7 +157,8 @@ fn what_was_refused_is_not_taken_for_the_file_again() {
     let network = fs::read(folder.join("yolox_nano.onnx")).unwrap();
     let scratch = tempfile::tempdir().unwrap();
     let target = scratch.path().join("models");
-    let from = |file: Vec<u8>| install(&catalogue(&serve(file, &[]), None), &target, "xfeat", &mut |_| true);
+    let sha256 = digest(&network);
+    let from = |file: Vec<u8>| install(&catalogue(&serve(file, &[]), Some(&sha256)), &target, "xfeat", &mut |_| true);
     let refused = from(b"<html>There is no such file</html>".to_vec()).unwrap_err();
     assert!(!matches!(refused, NnError::Fetch { .. }) && !target.join("n.onnx").exists(), "{refused}");
     assert_eq!(fs::read(&from(network.clone()).unwrap()[0].path).unwrap(), network);
@@ -160,6 +181,6 @@ fn what_is_whole_already_is_fetched_anew_where_the_server_has_no_more() {
     let (file, scratch) = (bytes(5_000), tempfile::tempdir().unwrap());
     let (url, into) = (serve(file.clone(), &[]), scratch.path().join("file"));
     fs::write(scratch.path().join("file.part"), &file).unwrap();
-    fetch(&url, &into, &mut |_| true).unwrap();
+    fetch(&url, &into, 1 << 20, &mut |_| true).unwrap();
     assert_eq!(fs::read(&into).unwrap(), file);
 }

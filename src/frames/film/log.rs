@@ -1,0 +1,108 @@
+use std::io::{BufRead, BufReader, Read};
+use std::sync::mpsc::Sender;
+
+/// What ffmpeg's filter `showinfo` reports about one decoded frame, in the order of output.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct FrameInfo {
+    /// Presentation time in seconds, on the clock of the file; `None` where the frame has none.
+    pub pts_s: Option<f64>,
+    /// Whether decoding may begin at this frame: the decoder calls it a key frame, and all of it is intra coded. Frames
+    /// where an intra refresh begins are called key frames too, but are not whole.
+    pub is_intra_key: bool,
+    /// Checksum of the decoded pixels, where it was asked for.
+    pub checksum: Option<u32>,
+    /// The latest error that ffmpeg reported before this frame, if it reported one since the previous frame.
+    pub error: Option<String>,
+}
+
+/// Parses ffmpeg's log (`-v level+repeat+info`, with `showinfo` in the filter graph) line by line.
+#[derive(Debug, Default)]
+pub(super) struct LogParser {
+    time_base_s: f64,
+    /// Errors since the latest frame: the first one.
+    error: Option<String>,
+}
+
+impl LogParser {
+    /// The frame that a line reports, if it reports one.
+    pub fn parse(&mut self, line: &str) -> Option<FrameInfo> {
+        self.take_error(line);
+        let (_, info) = line.split_once("] [info] ").filter(|(source, _)| source.contains("_showinfo_"))?;
+        if let Some((_, base)) = info.split_once("config in time_base: ") {
+            let fraction = base.split(',').next().and_then(|base| base.trim().split_once('/'));
+            let parts = fraction.and_then(|(n, d)| Some((n.parse::<f64>().ok()?, d.parse::<f64>().ok()?)));
+            self.time_base_s = parts.filter(|(_, d)| *d > 0.0).map_or(0.0, |(n, d)| n / d);
+            return None;
+        }
+        if !info.starts_with("n:") {
+            return None;
+        }
+        let pts = value(info, "pts:").and_then(|pts| pts.parse::<i64>().ok());
+        Some(FrameInfo {
+            pts_s: pts.filter(|_| self.time_base_s > 0.0).map(|pts| pts as f64 * self.time_base_s),
+            is_intra_key: value(info, "iskey:") == Some("1") && value(info, "type:") == Some("I"),
+            checksum: value(info, "checksum:").and_then(|sum| u32::from_str_radix(sum, 16).ok()),
+            error: self.error.take(),
+        })
+    }
+
+    fn take_error(&mut self, line: &str) {
+        let at = ["[error] ", "[fatal] ", "[panic] "].iter().find_map(|level| Some(line.find(level)? + level.len()));
+        // What ffmpeg says about its own output is not about the video.
+        if let Some(at) = at.filter(|_| !line.contains("[image2pipe") && !line.contains("[null @")) {
+            self.error.get_or_insert_with(|| line[at..].trim().to_owned());
+        }
+    }
+
+    /// The error that was reported after the last frame.
+    pub fn last_error(self) -> Option<String> {
+        self.error
+    }
+}
+
+/// The word after `key`, which begins a word itself.
+fn value<'a>(line: &'a str, key: &str) -> Option<&'a str> {
+    let at = line.match_indices(key).map(|(at, _)| at).find(|&at| at == 0 || line.as_bytes()[at - 1] == b' ')?;
+    line[at + key.len()..].split_whitespace().next()
+}
+
+/// Sends what the log reports to `sender`; returns the error after the last frame. Reads to the end in any case, so that
+/// ffmpeg is not held up.
+pub(super) fn read_log(stderr: impl Read, sender: &Sender<FrameInfo>) -> Option<String> {
+    let mut parser = LogParser::default();
+    let mut reader = BufReader::new(stderr);
+    let mut line = Vec::new();
+    while reader.by_ref().take(1 << 16).read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
+        if let Some(info) = parser.parse(&String::from_utf8_lossy(&line)) {
+            let _ = sender.send(info); // nobody listens once the decoder is dropped
+        }
+        line.clear();
+    }
+    parser.last_error()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAME: &str = "[Parsed_showinfo_0 @ 0x5] [info] n:   3 pts:   1024 pts_time:0.08    pos:       44 fmt:gbrp sar:0/1 \
+                         s:160x120 i:P iskey:1 type:I checksum:18809BF5 plane_checksum:[A7DA239A]";
+
+    #[test]
+    fn frames_are_reported_with_exact_times_and_the_error_before_them() {
+        let mut parser = LogParser::default();
+        assert_eq!(
+            parser.parse("[Parsed_showinfo_0 @ 0x5] [info] config in time_base: 1/12800, frame_rate: 25/1"),
+            None
+        );
+        assert_eq!(parser.parse("[h264 @ 0x6] [error] concealing 12 DC errors"), None);
+        assert_eq!(parser.parse("[error] Error while decoding stream #0:0"), None);
+        let frame = parser.parse(FRAME).unwrap();
+        assert_eq!(frame.pts_s, Some(1024.0 / 12800.0));
+        assert!(frame.is_intra_key && frame.checksum == Some(0x1880_9BF5));
+        assert_eq!(frame.error.as_deref(), Some("concealing 12 DC errors"));
+        let next = parser.parse(&FRAME.replace("1024", "NOPTS").replace("type:I", "type:P")).unwrap();
+        assert!(next.pts_s.is_none() && !next.is_intra_key && next.error.is_none());
+        assert_eq!(parser.parse("[Parsed_showinfo_0 @ 0x5] [info]   side data - User Data"), None);
+    }
+}

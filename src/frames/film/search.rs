@@ -1,0 +1,284 @@
+use std::path::Path;
+use std::sync::Arc;
+
+use super::decoder::{Decoded, Decoder, Start};
+use super::probe::Stream;
+use super::programs::Programs;
+use crate::frames::{FrameError, Image};
+
+/// The frame that is asked for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Target {
+    /// Its number, from 0, in the order in which decoding from the beginning gives frames.
+    pub index: u64,
+    /// Its time in seconds from the start of the file.
+    pub time_s: f64,
+}
+
+/// Two times are the same when they differ by less: they are whole steps of the same clock, rounded to microseconds.
+const SAME_TIME_S: f64 = 5e-6;
+
+/// How long before the frame asked for to seek to, one after the other, where a seek lands too late: behind leading
+/// frames that cannot be decoded without the frames before the key frame.
+const RUN_UPS_S: [f64; 4] = [0.0, 2.0, 10.0, 60.0];
+
+/// Below this number decoding from the beginning costs no more than seeking.
+const NEAR_START: u64 = 60;
+
+/// What is known of a video after reading some of it.
+#[derive(Debug, Clone)]
+pub(super) struct Knowledge {
+    pub stream: Arc<Stream>,
+    /// No seek gave the frame asked for, or ffmpeg reported errors after one: seeks prove nothing here.
+    pub is_unseekable: bool,
+    /// Decoding from the beginning reported errors.
+    pub damage: Option<Damage>,
+    /// Checksum and time of each frame that decoding from the beginning gave so far; equal frames prove a seek.
+    pub seen: Vec<Seen>,
+}
+
+/// The first error in a video.
+#[derive(Debug, Clone)]
+pub(super) struct Damage {
+    pub index: u64,
+    pub error: String,
+}
+
+/// What a frame is recognised by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Seen {
+    pts_s: Option<f64>,
+    checksum: Option<u32>,
+}
+
+impl Knowledge {
+    pub fn new(stream: Stream) -> Self {
+        Self { stream: Arc::new(stream), is_unseekable: false, damage: None, seen: Vec::new() }
+    }
+
+    /// Whether seeks are believed by the time of what they give.
+    pub fn has_sure_seeks(&self) -> bool {
+        self.stream.is_seekable && !self.is_unseekable && self.damage.is_none()
+    }
+
+    fn note(&mut self, index: u64, seen: Seen) {
+        if seen.checksum.is_some() && self.seen.len() as u64 == index {
+            self.seen.push(seen);
+        }
+    }
+
+    /// How to start decoding so that `target` is reached, best first.
+    fn starts(&self, target: Target, ahead: usize) -> Vec<Start> {
+        let (checksums, single_thread) = (!self.has_sure_seeks(), self.damage.is_some());
+        let start = |seek_s| Start { seek_s, ahead, checksums, single_thread };
+        let is_seen = (target.index as usize) < self.seen.len();
+        let may_seek = self.has_sure_seeks() || self.damage.is_none() && is_seen;
+        let seeks = RUN_UPS_S.map(|run_up_s| target.time_s - run_up_s).into_iter().filter(|time_s| *time_s > 0.0);
+        let seeks = seeks.filter(|_| may_seek && target.index > NEAR_START).map(|time_s| start(Some(time_s)));
+        seeks.chain([start(None)]).collect()
+    }
+}
+
+/// A decoder and where it is.
+#[derive(Debug)]
+pub(super) struct Running {
+    decoder: Decoder,
+    /// Number of the frame that comes next; after a seek known only once a frame has been recognised.
+    pub next: Option<u64>,
+    is_from_start: bool,
+    is_single_thread: bool,
+}
+
+/// Why a decoder did not give the frame asked for.
+#[derive(Debug)]
+enum Missed {
+    /// It gives later frames, or others than it should.
+    Passed,
+    /// There are no more frames, and why.
+    Ended(String),
+    /// ffmpeg reported an error at the frame of this number.
+    Error(Damage),
+}
+
+impl Running {
+    /// Decodes up to the frame asked for.
+    fn advance(&mut self, target: Target, known: &mut Knowledge) -> Result<Image, Missed> {
+        loop {
+            let frame = self.decoder.next().map_err(Missed::Ended)?;
+            if let Some(error) = frame.info.error.clone().filter(|_| known.damage.is_none()) {
+                return Err(Missed::Error(Damage { index: self.next.unwrap_or(target.index), error }));
+            }
+            let is_target = self.is_target(&frame, target, known)?;
+            self.next = if is_target { Some(target.index + 1) } else { self.next.map(|next| next + 1) };
+            if is_target {
+                return Ok(frame.image);
+            }
+        }
+    }
+
+    fn is_target(&mut self, frame: &Decoded, target: Target, known: &mut Knowledge) -> Result<bool, Missed> {
+        let pts_s = frame.info.pts_s;
+        let seen = Seen { pts_s, checksum: frame.info.checksum };
+        if self.is_from_start {
+            let number = self.next.unwrap_or(0);
+            known.note(number, seen);
+            return match pts_s.filter(|_| known.stream.is_seekable) {
+                Some(pts_s) => self.compare_time(pts_s - known.stream.start_s, target),
+                None => self.compare_number(number, target),
+            };
+        }
+        if !known.has_sure_seeks() {
+            return self.is_seen_target(seen, target, known);
+        }
+        let Some(pts_s) = pts_s else { return Err(Missed::Passed) };
+        if self.next.is_none() && !frame.info.is_intra_key {
+            return Err(Missed::Passed);
+        }
+        self.next = self.next.or(Some(0)); // the number is right from the first frame that is recognised
+        self.compare_time(pts_s - known.stream.start_s, target)
+    }
+
+    fn compare_time(&self, time_s: f64, target: Target) -> Result<bool, Missed> {
+        match time_s - target.time_s {
+            late if late > SAME_TIME_S => Err(Missed::Passed),
+            late => Ok(late >= -SAME_TIME_S),
+        }
+    }
+
+    fn compare_number(&self, number: u64, target: Target) -> Result<bool, Missed> {
+        if number > target.index { Err(Missed::Passed) } else { Ok(number == target.index) }
+    }
+
+    /// After a seek in a video whose seeks prove nothing: frames are recognised by time and content, those of the first
+    /// pass from the beginning.
+    fn is_seen_target(&mut self, found: Seen, target: Target, known: &Knowledge) -> Result<bool, Missed> {
+        if let Some(next) = self.next {
+            // It goes on from a recognised frame: each must be the one that followed it in the first pass.
+            let is_known = known.seen.get(next as usize) == Some(&found) && found.checksum.is_some();
+            return if is_known { self.compare_number(next, target) } else { Err(Missed::Passed) };
+        }
+        let wanted = known.seen.get(target.index as usize).copied().ok_or(Missed::Passed)?;
+        match (found.pts_s, wanted.pts_s) {
+            (Some(found_s), Some(wanted_s)) if found_s < wanted_s => Ok(false),
+            _ if found == wanted && found.checksum.is_some() => Ok(true),
+            _ => Err(Missed::Passed),
+        }
+    }
+}
+
+/// Reads one frame: from a decoder that comes to it soon, else from one that is started near it, else from the
+/// beginning. Gives the decoder back for the frames that follow.
+pub(super) fn read_frame(
+    programs: &Programs,
+    path: &Path,
+    running: Option<Running>,
+    (target, ahead): (Target, usize),
+    known: &mut Knowledge,
+) -> Result<(Image, Running), FrameError> {
+    let usable = |running: &Running| known.damage.is_none() || running.is_single_thread;
+    if let Some(mut running) = running.filter(usable) {
+        match running.advance(target, known) {
+            Ok(image) => return Ok((image, running)),
+            Err(Missed::Error(damage)) => known.learn(damage, running.is_from_start),
+            Err(Missed::Passed | Missed::Ended(_)) => {}
+        }
+    }
+    loop {
+        let was_damaged = known.damage.is_some();
+        match start_and_read(programs, path, (target, ahead), known)? {
+            Ok(found) => return Ok(found),
+            // Once more, with one thread.
+            Err(Missed::Error(_)) if !was_damaged => {}
+            Err(missed) => return Err(no_frame(path, target, &missed, known)),
+        }
+    }
+}
+
+fn start_and_read(
+    programs: &Programs,
+    path: &Path,
+    (target, ahead): (Target, usize),
+    known: &mut Knowledge,
+) -> Result<Result<(Image, Running), Missed>, FrameError> {
+    let mut missed = Missed::Passed;
+    for start in known.starts(target, ahead) {
+        let is_from_start = start.seek_s.is_none();
+        if is_from_start && target.index > NEAR_START {
+            known.is_unseekable = true; // no seek gave it
+        }
+        let start = Start { checksums: !known.has_sure_seeks(), ..start };
+        let decoder = Decoder::start(programs, path, start)?;
+        let next = is_from_start.then_some(0);
+        let mut running = Running { decoder, next, is_from_start, is_single_thread: start.single_thread };
+        match running.advance(target, known) {
+            Ok(image) => return Ok(Ok((image, running))),
+            Err(Missed::Error(damage)) if is_from_start => {
+                known.learn(damage.clone(), true);
+                return Ok(Err(Missed::Error(damage)));
+            }
+            Err(why) => missed = why,
+        }
+    }
+    Ok(Err(missed))
+}
+
+impl Knowledge {
+    /// Takes in what another thread found out.
+    pub fn learn_from(&mut self, other: Self) {
+        self.is_unseekable |= other.is_unseekable;
+        self.damage = self.damage.take().or(other.damage);
+        if other.seen.len() > self.seen.len() {
+            self.seen = other.seen;
+        }
+    }
+
+    /// Takes in an error of ffmpeg. After a seek it may only mean that frames before were missing.
+    fn learn(&mut self, damage: Damage, is_from_start: bool) {
+        if is_from_start {
+            self.damage.get_or_insert(damage);
+        } else {
+            self.is_unseekable = true;
+        }
+    }
+}
+
+fn no_frame(film: &Path, target: Target, missed: &Missed, known: &Knowledge) -> FrameError {
+    let why = match (missed, &known.damage) {
+        (Missed::Ended(why), None) => why.clone(),
+        (Missed::Passed, None) => format!("no frame has the time {:.6} s", target.time_s),
+        (_, Some(Damage { index, error })) | (Missed::Error(Damage { index, error }), _) => {
+            format!("damaged at frame {index}: {error}")
+        }
+    };
+    let what = format!(
+        "frame {} cannot be decoded ({why}); the video is damaged or was changed: put the earlier file back or open the \
+         frames again",
+        target.index
+    );
+    FrameError::Invalid { path: film.into(), what }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn known(is_seekable: bool) -> Knowledge {
+        Knowledge::new(Stream::for_tests(is_seekable))
+    }
+
+    #[test]
+    fn videos_without_reliable_seeks_are_decoded_from_the_beginning() {
+        let target = Target { index: 100, time_s: 4.0 };
+        let seeks = |known: &Knowledge| known.starts(target, 1).iter().map(|start| start.seek_s).collect::<Vec<_>>();
+        assert_eq!(seeks(&known(true)), [Some(4.0), Some(2.0), None]);
+        assert_eq!(seeks(&known(false)), [None]);
+        let mut seen = known(false);
+        for index in 0..=100 {
+            seen.note(index, Seen { pts_s: Some(index as f64), checksum: Some(7) });
+        }
+        assert_eq!(seeks(&seen), [Some(4.0), Some(2.0), None], "what was seen once proves a seek");
+        seen.damage = Some(Damage { index: 3, error: String::new() });
+        assert_eq!(seeks(&seen), [None]);
+        assert!(seen.starts(target, 1)[0].single_thread);
+    }
+}
