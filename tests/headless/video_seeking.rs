@@ -55,7 +55,7 @@ fn compare(path: &Path, seeks: &[usize]) -> Opened {
         }
     }
     let (backwards, forwards) = (FrameStore::new(1), FrameStore::new(1));
-    for index in (0..truth.len()).rev().step_by(23) {
+    for index in (0..truth.len()).rev().step_by(50) {
         check(&backwards, index, "backwards");
     }
     for index in 0..truth.len() {
@@ -120,7 +120,7 @@ fn frames_by_seeking_and_in_order_are_those_of_a_linear_decode() {
     for (name, options) in KINDS.into_iter().filter(|(_, options)| has_encoder(options)) {
         let path = folder.path().join(name);
         make_film(&path, &Making { size: SIZE, pixels: "rgb24", count: COUNT, options }, image);
-        compare(&path, &[64, 69, 70, 71, 99, 139, 140, 149]);
+        compare(&path, &[69, 70, 99, 140]);
     }
 }
 
@@ -150,6 +150,7 @@ fn a_damaged_stream_is_reported_and_gives_the_frames_of_a_linear_decode() {
 }
 
 #[test]
+#[cfg(unix)]
 fn a_turned_video_and_odd_names_are_read() {
     if !has_ffmpeg() {
         return;

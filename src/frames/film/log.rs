@@ -74,7 +74,7 @@ pub(super) fn read_log(stderr: impl Read, sender: &Sender<FrameInfo>) -> Option<
     let mut line = Vec::new();
     while reader.by_ref().take(1 << 16).read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
         if let Some(info) = parser.parse(&String::from_utf8_lossy(&line)) {
-            let _ = sender.send(info); // nobody listens once the decoder is dropped
+            let _ = sender.send(info); // fails once the decoder is dropped
         }
         line.clear();
     }

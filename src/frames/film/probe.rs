@@ -117,7 +117,11 @@ fn times(
             return Ok((from_start(times_s, stream.start_s), None));
         }
     }
-    let (times_s, mut damage) = scan(programs, path, progress)?;
+    let (mut times_s, mut damage) = scan(programs, path, false, progress)?;
+    if damage.is_some() {
+        // With one thread, as frames of damaged videos are read: what decoders make of damage depends on threads.
+        (times_s, damage) = scan(programs, path, true, progress)?;
+    }
     let missing = listed.map_or(0, |listed| listed.len().saturating_sub(times_s.len()));
     if missing > 0 && damage.is_none() {
         damage = Some(format!("{missing} frames cannot be decoded"));
@@ -126,8 +130,13 @@ fn times(
 }
 
 /// The times of all frames by decoding the whole video, and the first error with the frame it was found at.
-fn scan(programs: &Programs, path: &Path, progress: &Progress) -> Result<(Vec<f64>, Option<String>), FrameError> {
-    let start = Start { seek_s: None, ahead: 1, checksums: false, single_thread: false };
+fn scan(
+    programs: &Programs,
+    path: &Path,
+    single_thread: bool,
+    progress: &Progress,
+) -> Result<(Vec<f64>, Option<String>), FrameError> {
+    let start = Start { seek_s: None, ahead: 1, checksums: false, single_thread };
     let mut command = decoding(programs, path, start)?;
     command.args(["-f", "null", "-"]).stdout(Stdio::null());
     let mut child = spawn(&mut command).map_err(|error| not_started(path, &programs.ffmpeg, &error))?;

@@ -123,8 +123,8 @@ impl Running {
             let number = self.next.unwrap_or(0);
             known.note(number, seen);
             return match pts_s.filter(|_| known.stream.is_seekable) {
-                Some(pts_s) => self.compare_time(pts_s - known.stream.start_s, target),
-                None => self.compare_number(number, target),
+                Some(pts_s) => compare_time(pts_s - known.stream.start_s, target),
+                None => compare_number(number, target),
             };
         }
         if !known.has_sure_seeks() {
@@ -135,27 +135,16 @@ impl Running {
             return Err(Missed::Passed);
         }
         self.next = self.next.or(Some(0)); // the number is right from the first frame that is recognised
-        self.compare_time(pts_s - known.stream.start_s, target)
-    }
-
-    fn compare_time(&self, time_s: f64, target: Target) -> Result<bool, Missed> {
-        match time_s - target.time_s {
-            late if late > SAME_TIME_S => Err(Missed::Passed),
-            late => Ok(late >= -SAME_TIME_S),
-        }
-    }
-
-    fn compare_number(&self, number: u64, target: Target) -> Result<bool, Missed> {
-        if number > target.index { Err(Missed::Passed) } else { Ok(number == target.index) }
+        compare_time(pts_s - known.stream.start_s, target)
     }
 
     /// After a seek in a video whose seeks prove nothing: frames are recognised by time and content, those of the first
     /// pass from the beginning.
-    fn is_seen_target(&mut self, found: Seen, target: Target, known: &Knowledge) -> Result<bool, Missed> {
+    fn is_seen_target(&self, found: Seen, target: Target, known: &Knowledge) -> Result<bool, Missed> {
         if let Some(next) = self.next {
             // It goes on from a recognised frame: each must be the one that followed it in the first pass.
             let is_known = known.seen.get(next as usize) == Some(&found) && found.checksum.is_some();
-            return if is_known { self.compare_number(next, target) } else { Err(Missed::Passed) };
+            return if is_known { compare_number(next, target) } else { Err(Missed::Passed) };
         }
         let wanted = known.seen.get(target.index as usize).copied().ok_or(Missed::Passed)?;
         match (found.pts_s, wanted.pts_s) {
@@ -164,6 +153,19 @@ impl Running {
             _ => Err(Missed::Passed),
         }
     }
+}
+
+/// Whether a frame of this time is the one asked for.
+fn compare_time(time_s: f64, target: Target) -> Result<bool, Missed> {
+    match time_s - target.time_s {
+        late if late > SAME_TIME_S => Err(Missed::Passed),
+        late => Ok(late >= -SAME_TIME_S),
+    }
+}
+
+/// Whether the frame of this number is the one asked for.
+fn compare_number(number: u64, target: Target) -> Result<bool, Missed> {
+    if number > target.index { Err(Missed::Passed) } else { Ok(number == target.index) }
 }
 
 /// Reads one frame: from a decoder that comes to it soon, else from one that is started near it, else from the
