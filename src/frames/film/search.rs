@@ -105,7 +105,9 @@ impl Running {
     fn advance(&mut self, target: Target, known: &mut Knowledge) -> Result<Image, Missed> {
         loop {
             let frame = self.decoder.next().map_err(Missed::Ended)?;
-            if let Some(error) = frame.info.error.clone().filter(|_| known.damage.is_none()) {
+            // Frames that are recognised by their content need no other proof.
+            let counts = known.damage.is_none() && (self.is_from_start || known.has_sure_seeks());
+            if let Some(error) = frame.info.error.clone().filter(|_| counts) {
                 return Err(Missed::Error(Damage { index: self.next.unwrap_or(target.index), error }));
             }
             let is_target = self.is_target(&frame, target, known)?;
