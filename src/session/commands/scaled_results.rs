@@ -14,7 +14,7 @@ use crate::scene::LabelledCloud;
 use crate::scene::fuse::Votes;
 use crate::scene::measure::LengthUnit;
 use crate::scene::ply::{Coloring, read_mesh, read_ply, save_mesh, save_ply};
-use crate::session::cloud::read_votes_file;
+use crate::session::cloud::read_votes_on;
 use crate::session::store::{
     DepthAccount, DepthFolder, cloud_path, depth_map_path, keep_votes, load_links, load_outcomes, mesh_path, replace,
     save_links, save_outcomes, sparse_path, sync_folder, version_in_force, votes_path,
@@ -147,7 +147,7 @@ impl Scaling {
             mesh.vertices.scale_by(factor);
             save_mesh(&mesh_path(root, self.version), &mesh, Coloring::Picture, progress)?;
         }
-        let votes = read_votes_file(&votes_path(root, self.version)).ok();
+        let votes = read_votes_on(&votes_path(root, self.version), cloud.len(), frames).ok();
         let geometry = record.map_or(Ok(None), |record| self.geometry(record, frames, factor))?;
         Ok(Some(ScaledCloud { cloud, votes, factor, geometry }))
     }

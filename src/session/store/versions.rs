@@ -111,7 +111,7 @@ pub fn keep_votes(root: &Path, from: u64, to: u64) -> Result<()> {
     for votes in [votes_path, mesh_votes_path] {
         let (source, place) = (votes(root, from), votes(root, to));
         if source.exists() {
-            link(&source, &place).with_context(|| durable::cannot_write(&place))?;
+            disk::link(&source, &place).with_context(|| durable::cannot_write(&place))?;
         }
     }
     Ok(())
