@@ -1,13 +1,15 @@
-//! Files that are written whole or not at all.
+//! Files that are written whole or not at all, and files that are read without waiting for another process.
 //!
 //! May use: std, tempfile. Must not touch: any domain word.
 
 mod atomic;
 mod in_place;
 mod leftovers;
+mod open;
 mod second_name;
 
 pub use atomic::{AtomicFile, WorkFolder, write};
 pub use in_place::open_in_place;
 pub use leftovers::{is_temporary, remove_leftovers};
+pub use open::{decode_text, open_regular, read_regular, read_text, skip_mark};
 pub use second_name::link;

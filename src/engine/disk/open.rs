@@ -1,0 +1,159 @@
+use std::fs::{self, File, FileType};
+use std::io::{BufRead, Error, ErrorKind, Read, Result};
+use std::path::Path;
+
+/// The byte-order mark of UTF-8, which Windows editors and some exporters put at the start of text.
+const UTF8_MARK: &[u8] = b"\xef\xbb\xbf";
+/// A larger text file is refused: a COLMAP model of 100,000 images takes a tenth of it.
+const MAX_TEXT_BYTES: u64 = 8 << 30;
+
+/// Opens a regular file for reading. Named pipes, devices, sockets and folders are refused before they are opened,
+/// because opening or reading one of them may block forever or never end.
+///
+/// # Errors
+/// When there is nothing at `path`, it may not be read, or it is not a regular file.
+pub fn open_regular(path: &Path) -> Result<File> {
+    let kind = fs::metadata(path)?.file_type();
+    if !kind.is_file() {
+        let what = format!("it is {}, not a regular file", name_of(kind));
+        return Err(Error::new(ErrorKind::InvalidInput, what));
+    }
+    File::open(path)
+}
+
+/// Reads a regular file whole.
+///
+/// # Errors
+/// As [`open_regular`], and when reading fails.
+pub fn read_regular(path: &Path) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open_regular(path)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Reads a text file. A byte-order mark at its start is skipped; UTF-16, which PowerShell writes, is decoded.
+///
+/// # Errors
+/// As [`open_regular`]; [`ErrorKind::InvalidData`] for bytes that are not text, [`ErrorKind::FileTooLarge`].
+pub fn read_text(path: &Path) -> Result<String> {
+    let file = open_regular(path)?;
+    if file.metadata()?.len() > MAX_TEXT_BYTES {
+        return Err(Error::new(ErrorKind::FileTooLarge, "it is too large for a text file"));
+    }
+    let mut bytes = Vec::new();
+    file.take(MAX_TEXT_BYTES).read_to_end(&mut bytes)?;
+    decode_text(bytes)
+}
+
+/// The text in the bytes of a file, as [`read_text`] reads it.
+///
+/// # Errors
+/// [`ErrorKind::InvalidData`] for bytes that are not text.
+pub fn decode_text(mut bytes: Vec<u8>) -> Result<String> {
+    let not_text = |what: &str| Error::new(ErrorKind::InvalidData, what.to_owned());
+    let utf16 = |bytes: &[u8], unit: fn([u8; 2]) -> u16| {
+        let (pairs, rest) = bytes[2..].as_chunks::<2>();
+        let units: Vec<u16> = pairs.iter().map(|&pair| unit(pair)).collect();
+        let text = String::from_utf16(&units).ok().filter(|_| rest.is_empty());
+        text.ok_or_else(|| not_text("it begins like UTF-16 text but is not; save it as UTF-8"))
+    };
+    match bytes.as_slice() {
+        [0xff, 0xfe, ..] => return utf16(&bytes, u16::from_le_bytes),
+        [0xfe, 0xff, ..] => return utf16(&bytes, u16::from_be_bytes),
+        _ if bytes.starts_with(UTF8_MARK) => drop(bytes.drain(..UTF8_MARK.len())),
+        _ => {}
+    }
+    String::from_utf8(bytes).map_err(|_| not_text("it is not UTF-8 text"))
+}
+
+/// Skips a byte-order mark at the start of what `reader` reads, for files that are not read whole.
+///
+/// # Errors
+/// When reading fails.
+pub fn skip_mark(reader: &mut impl BufRead) -> Result<()> {
+    if reader.fill_buf()?.starts_with(UTF8_MARK) {
+        reader.consume(UTF8_MARK.len());
+    }
+    Ok(())
+}
+
+#[cfg(unix)]
+fn name_of(kind: FileType) -> &'static str {
+    use std::os::unix::fs::FileTypeExt;
+    match kind {
+        _ if kind.is_dir() => "a folder",
+        _ if kind.is_fifo() => "a named pipe",
+        _ if kind.is_socket() => "a socket",
+        _ if kind.is_block_device() || kind.is_char_device() => "a device",
+        _ => "something else",
+    }
+}
+
+#[cfg(not(unix))]
+fn name_of(kind: FileType) -> &'static str {
+    if kind.is_dir() { "a folder" } else { "something else" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_with_any_byte_order_mark_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        let units = |order: fn(u16) -> [u8; 2]| "\u{feff}é 1\r\n".encode_utf16().flat_map(order).collect::<Vec<u8>>();
+        for bytes in [
+            "é 1\r\n".as_bytes().to_vec(),
+            "\u{feff}é 1\r\n".as_bytes().to_vec(),
+            units(u16::to_le_bytes),
+            units(u16::to_be_bytes),
+        ] {
+            fs::write(&path, &bytes).unwrap();
+            assert_eq!(read_text(&path).unwrap(), "é 1\r\n", "{bytes:?}");
+        }
+        fs::write(&path, "").unwrap();
+        assert_eq!(read_text(&path).unwrap(), "");
+        for bytes in [&[0xff, 0xfe, 0][..], &[0xff, 0xfe, 0, 0xd8], &[b'a', 0xff]] {
+            fs::write(&path, bytes).unwrap();
+            assert_eq!(read_text(&path).unwrap_err().kind(), ErrorKind::InvalidData, "{bytes:?}");
+        }
+    }
+
+    #[test]
+    fn a_mark_is_skipped_once() {
+        let mut reader = "\u{feff}\u{feff}ply".as_bytes();
+        skip_mark(&mut reader).unwrap();
+        assert_eq!(reader, "\u{feff}ply".as_bytes());
+        let mut reader = &b"ply"[..];
+        skip_mark(&mut reader).unwrap();
+        assert_eq!(reader, b"ply");
+    }
+
+    #[test]
+    fn folders_and_missing_files_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(open_regular(folder.path()).unwrap_err().to_string().contains("a folder"));
+        assert_eq!(open_regular(&folder.path().join("none")).unwrap_err().kind(), ErrorKind::NotFound);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn pipes_sockets_and_devices_are_refused_without_waiting() {
+        let folder = tempfile::tempdir().unwrap();
+        let (pipe, socket, link) =
+            (folder.path().join("pipe"), folder.path().join("socket"), folder.path().join("link"));
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        std::os::unix::fs::symlink(&pipe, &link).unwrap();
+        for (path, name) in [
+            (pipe.as_path(), "a named pipe"),
+            (&link, "a named pipe"),
+            (&socket, "a socket"),
+            (Path::new("/dev/zero"), "a device"),
+        ] {
+            assert!(open_regular(path).unwrap_err().to_string().contains(name));
+            assert!(read_text(path).is_err() && read_regular(path).is_err());
+        }
+    }
+}
