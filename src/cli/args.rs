@@ -161,10 +161,10 @@ pub(super) struct SourceArgs {
     /// Folder of pictures (with subfolders), picture or film; may be given more than once.
     #[arg(long, required = true, num_args = 1.., value_name = "PATH")]
     pub frames: Vec<PathBuf>,
-    /// Folder of 16-bit depth pictures for the frames given just before.
+    /// Folder of depth images (16-bit PNG or TIFF, or float TIFF) for the frames given just before.
     #[arg(long, num_args = 1.., value_name = "PATH")]
     pub depth: Vec<PathBuf>,
-    /// Metres per step of the stored depth.
+    /// Metres per step of the stored depth; float depths are in metres unless this is given.
     #[arg(long, default_value = "0.001", value_name = "METRES_PER_STEP", value_parser = values::positive)]
     pub depth_unit: f64,
     /// Intrinsics of the camera that measured the depths, where they do not lie on the pictures pixel for pixel.

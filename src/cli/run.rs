@@ -72,8 +72,8 @@ fn of_verb(matches: &ArgMatches) -> Result<&ArgMatches> {
 }
 
 fn run_recipe(path: &Path) -> Result<()> {
-    let text =
-        std::fs::read_to_string(path).with_context(|| format!("{}: cannot be read; check the path", path.display()))?;
+    let text = crate::engine::disk::read_text(path)
+        .with_context(|| format!("{}: cannot be read; check the path", path.display()))?;
     let recipe: Recipe = serde_json::from_str(&text)
         .with_context(|| format!("{}: is no recipe; save one from the window", path.display()))?;
     if recipe.format != 1 {

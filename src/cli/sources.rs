@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::ArgMatches;
+use clap::parser::ValueSource;
 
 use super::args::SourceArgs;
 use crate::frames::cameras::DepthCameraSource;
@@ -15,9 +16,12 @@ pub(super) fn new_project(root: PathBuf, args: SourceArgs, matches: &ArgMatches)
     let pose = args.depth_pose;
     let depth_camera = args.depth_intrinsics.map(|intrinsics| DepthCameraSource { intrinsics, pose });
     let (depth_unit, every, from, to) = (args.depth_unit, args.every, args.from, args.to);
+    // Floats are metres unless a unit is given; the default of 0.001 is that of integers.
+    let is_given = matches.value_source("depth_unit") == Some(ValueSource::CommandLine);
+    let float_depth_unit = if is_given { depth_unit } else { 1.0 };
     Ok(NewProject {
         root,
-        open: OpenRequest { sources, depth_unit, depth_camera, every, from, to },
+        open: OpenRequest { sources, depth_unit, float_depth_unit, depth_camera, every, from, to },
         cameras: args.cameras,
         intrinsics: args.intrinsics,
     })

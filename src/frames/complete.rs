@@ -1,22 +1,23 @@
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom};
 
 use image::ImageFormat;
+
+use super::header::{next_marker, read_bytes};
 
 /// The chunk that closes a PNG.
 const PNG_END: [u8; 12] = [0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xae, 0x42, 0x60, 0x82];
 
-/// Whether a picture file reaches its end, found out without decoding it; TIFF, which has no end, always does.
+/// Whether an image file reaches its end, found without decoding it and without reading it into memory; always for TIFF,
+/// which has no end.
 pub(super) fn is_complete(reader: &mut BufReader<File>, format: ImageFormat) -> std::io::Result<bool> {
     match format {
         ImageFormat::Jpeg => {
             if ends_with(reader, &[0xff, 0xd9])? {
                 return Ok(true);
             }
-            let mut bytes = Vec::new(); // something may follow the picture
             reader.rewind()?;
-            reader.read_to_end(&mut bytes)?;
-            Ok(is_complete_jpeg(&bytes))
+            is_complete_jpeg(reader) // something may follow the image
         }
         ImageFormat::Png => Ok(ends_with(reader, &PNG_END)? || has_png_end(reader)?),
         ImageFormat::WebP => {
@@ -30,18 +31,65 @@ pub(super) fn is_complete(reader: &mut BufReader<File>, format: ImageFormat) -> 
     }
 }
 
-/// Whether the picture data of a JPEG are closed by an end marker: decoders fill what is missing with grey.
-pub(super) fn is_complete_jpeg(jpeg: &[u8]) -> bool {
-    let mut at = 2;
-    while let Some(&[marker, code, high, low]) = jpeg.get(at..at + 4) {
-        match (marker, code) {
-            (0xff, 0xda) => return jpeg[at..].windows(2).rev().any(|pair| pair == [0xff, 0xd9]),
-            (0xff, 0x01 | 0xd0..=0xd8) => at += 2,
-            (0xff, 0x02..=0xfe) => at += 2 + usize::from(u16::from_be_bytes([high, low])),
-            _ => at += 1,
+/// Whether the image data of a JPEG are closed by an end marker: decoders fill what is missing with grey.
+pub(super) fn is_complete_jpeg(jpeg: &mut (impl BufRead + Seek)) -> std::io::Result<bool> {
+    match has_jpeg_end(jpeg) {
+        Err(error) if error.kind() == ErrorKind::UnexpectedEof => Ok(false),
+        found => found,
+    }
+}
+
+fn has_jpeg_end(jpeg: &mut (impl BufRead + Seek)) -> std::io::Result<bool> {
+    jpeg.seek(SeekFrom::Start(2))?;
+    loop {
+        match next_marker(jpeg)? {
+            0xda => break,
+            0x00 | 0x01 | 0xd0..=0xd8 => {}
+            _ => {
+                let length = u16::from_be_bytes(read_bytes(jpeg)?);
+                jpeg.seek_relative(i64::from(length.saturating_sub(2)))?;
+            }
         }
     }
-    false
+    let mut after_marker = false;
+    loop {
+        let bytes = jpeg.fill_buf()?;
+        if bytes.is_empty() {
+            return Ok(false);
+        }
+        if after_marker && bytes[0] == 0xd9 || bytes.windows(2).any(|pair| pair == [0xff, 0xd9]) {
+            return Ok(true);
+        }
+        after_marker = bytes.last() == Some(&0xff);
+        let count = bytes.len();
+        jpeg.consume(count);
+    }
+}
+
+/// Whether the lossy frames of a WebP file are not larger than the image. Decoders compare the sizes only after they have
+/// decoded a frame, which may be as large as 16383 × 16383 pixels in a file of 100 bytes.
+pub(super) fn webp_frames_fit(reader: &mut (impl Read + Seek), width: u32, height: u32) -> std::io::Result<bool> {
+    let end = reader.seek(SeekFrom::End(0))?;
+    let mut at = 12;
+    while at + 8 <= end {
+        reader.seek(SeekFrom::Start(at))?;
+        let [kind @ .., l0, l1, l2, l3] = read_bytes::<8>(reader)?;
+        let length = u64::from(u32::from_le_bytes([l0, l1, l2, l3]));
+        match &kind {
+            // The chunks of an animation's frame follow after its place and duration.
+            b"ANMF" => at += 8 + 16,
+            b"VP8 " if at + 18 <= end => {
+                let [_, _, _, _, _, _, w0, w1, h0, h1] = read_bytes::<10>(reader)?;
+                let side = |low, high| u32::from(u16::from_le_bytes([low, high]) & 0x3fff);
+                if side(w0, w1) > width || side(h0, h1) > height {
+                    return Ok(false);
+                }
+                at += 8 + length + length % 2;
+            }
+            _ => at += 8 + length + length % 2,
+        }
+    }
+    Ok(true)
 }
 
 fn ends_with(reader: &mut BufReader<File>, end: &[u8]) -> std::io::Result<bool> {
@@ -100,7 +148,8 @@ mod tests {
     fn the_end_of_an_embedded_thumbnail_is_not_the_end() {
         let thumbnail = [0xff, 0xe1, 0, 6, 1, 2, 0xff, 0xd9];
         let cut = [&[0xff, 0xd8], thumbnail.as_slice(), &[0xff, 0xda, 0, 2, 1, 2, 3, 4]].concat();
-        assert!(!is_complete_jpeg(&cut));
-        assert!(is_complete_jpeg(&[cut.as_slice(), &[0xff, 0xd9, 0]].concat()));
+        let complete = |bytes: &[u8]| is_complete_jpeg(&mut std::io::Cursor::new(bytes)).unwrap();
+        assert!(!complete(&cut));
+        assert!(complete(&[cut.as_slice(), &[0xff, 0xd9, 0]].concat()));
     }
 }

@@ -1,71 +1,203 @@
-use std::io::{Cursor, Read};
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
-use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::complete::is_complete_jpeg;
-use super::header::{cut_off, damaged, format_of, open};
+use super::complete::{is_complete_jpeg, webp_frames_fit};
+use super::header::{Content, Header, cannot_decode, cut_off, damaged, format_of, header_in, open};
+use super::tiff_samples::read_depth_samples;
 use super::turn::turn;
 use super::{DepthMap, FrameError, Image, Orientation};
 
-// Nothing here may run on rayon's pool: a thread that waits there for parts of its own picture could steal work that
-// asks the cache for the same picture and wait for itself.
+// Nothing here may run on rayon's pool: a thread that waits there for parts of its own image could steal work that
+// asks the cache for the same image and wait for itself.
 
-/// Decodes a picture file and turns it upright.
-pub(super) fn decode_picture(path: &Path, orientation: Orientation) -> Result<Image, FrameError> {
-    let decoder = decoder_of(path)?;
-    let (width, height) = decoder.dimensions();
-    let pixels = read_rgb(decoder).map_err(|e| damaged(path, &e))?;
-    let pixels = turn(pixels, width, height, orientation);
-    let (width, height) = orientation.shown_size(width, height);
-    Ok(Image { width, height, pixels })
+/// The colour behind transparent pixels. What they hide is not shown: programs that cut out an object often leave the
+/// background's colours under an alpha of 0.
+const BEHIND: u8 = 128;
+
+/// Pixels next to a transparent one that count as transparent too: features on the edge of a cut-out object do not
+/// belong to a place on it.
+const EDGE_PX: usize = 3;
+
+/// Bytes that a decoder may allocate besides those for the pixels.
+const WORKING_BYTES: u64 = 64 << 20;
+/// Bytes that a decoder may allocate for a pixel: colours of 16 bits with alpha, twice.
+const WORKING_BYTES_PER_PIXEL: u64 = 16;
+
+/// An error where an image does not have the size, as shown, that it must have. It is called before anything is decoded.
+pub(super) type CheckSize<'a> = &'a dyn Fn((u32, u32)) -> Result<(), FrameError>;
+
+/// Decodes an image file and turns it upright. Transparent pixels are grey.
+pub(super) fn decode_picture(path: &Path, orientation: Orientation, check: CheckSize<'_>) -> Result<Image, FrameError> {
+    let pixels = Source::open(path, orientation, check)?.read::<[u8; 3]>(|decoder| {
+        let size = decoder.dimensions();
+        match decoder.color_type() {
+            ColorType::Rgb8 => {
+                let mut pixels = vec![[0; 3]; size.0 as usize * size.1 as usize];
+                decoder.read_image(bytemuck::cast_slice_mut(&mut pixels))?;
+                Ok(pixels)
+            }
+            color if color.has_alpha() => {
+                let image = DynamicImage::from_decoder(decoder)?.into_rgba8();
+                Ok(image.pixels().map(|pixel| over_grey(pixel.0)).collect())
+            }
+            _ => {
+                let image = DynamicImage::from_decoder(decoder)?.into_rgb8();
+                Ok(bytemuck::cast_slice(image.as_raw()).to_vec())
+            }
+        }
+    })?;
+    let (width, height) = pixels.size;
+    Ok(Image { width, height, pixels: pixels.values })
 }
 
-/// Decodes a 16-bit depth picture to world units and turns it upright; stored 0 and 65535 become 0.
-pub(super) fn decode_depth(path: &Path, unit: f64, orientation: Orientation) -> Result<DepthMap, FrameError> {
-    let decoder = decoder_of(path)?;
-    if decoder.color_type() != ColorType::L16 {
-        return Err(not_depth(path));
+/// Which pixels of an image, turned upright, are opaque and not next to a transparent one; `None` for an image that is
+/// opaque everywhere.
+pub(super) fn opaque_pixels(
+    path: &Path,
+    orientation: Orientation,
+    check: CheckSize<'_>,
+) -> Result<Option<Vec<bool>>, FrameError> {
+    let source = Source::open(path, orientation, check)?;
+    if source.header.content != Content::ColorAlpha {
+        return Ok(None);
     }
-    let (width, height) = decoder.dimensions();
-    let mut steps = vec![0_u16; width as usize * height as usize];
-    decoder.read_image(bytemuck::cast_slice_mut(&mut steps)).map_err(|e| damaged(path, &e))?;
-    let in_world = |step: u16| if step == u16::MAX { 0.0 } else { (f64::from(step) * unit) as f32 };
-    let depths = turn(steps, width, height, orientation).into_iter().map(in_world).collect();
-    let (width, height) = orientation.shown_size(width, height);
-    Ok(DepthMap { width, height, depths })
+    let opaque = source.read(|decoder| {
+        let image = DynamicImage::from_decoder(decoder)?.into_rgba8();
+        Ok(image.pixels().map(|pixel| pixel.0[3] >= 128).collect::<Vec<bool>>())
+    })?;
+    if opaque.values.iter().all(|&opaque| opaque) {
+        return Ok(None);
+    }
+    Ok(Some(shrunk(&opaque.values, opaque.size.0 as usize)))
 }
 
-/// The error for a picture in the place of depth that is not 16-bit grey.
+/// Decodes a depth image to world units and turns it upright; what means an unknown depth becomes 0.
+pub(super) fn decode_depth(
+    path: &Path,
+    unit: f64,
+    orientation: Orientation,
+    check: CheckSize<'_>,
+) -> Result<DepthMap, FrameError> {
+    let source = Source::open(path, orientation, check)?;
+    let in_world = |value: f64| (value * unit) as f32;
+    let depths = match (source.header.content, source.format) {
+        (Content::Grey16 | Content::IntegerDepth | Content::FloatDepth, ImageFormat::Tiff) => {
+            source.read_tiff(in_world)?
+        }
+        (Content::Grey16, _) => source.read(|decoder| {
+            let (width, height) = decoder.dimensions();
+            let mut steps = vec![0_u16; width as usize * height as usize];
+            decoder.read_image(bytemuck::cast_slice_mut(&mut steps))?;
+            let known = |step: u16| if step == u16::MAX { 0.0 } else { in_world(step.into()) };
+            Ok(steps.into_iter().map(known).collect())
+        })?,
+        _ => return Err(not_depth(path)),
+    };
+    let (width, height) = depths.size;
+    Ok(DepthMap { width, height, depths: depths.values })
+}
+
+/// The error for an image in the place of depth that is not one.
 pub(super) fn not_depth(path: &Path) -> FrameError {
-    let what = "depth must be a grey picture of 16 bits (PNG or TIFF), and this one is not; \
+    let what = "depth must be a grey image of 16 bits (PNG or TIFF) or of floats (TIFF), and this one is not; \
                 give the folder with the measured depth, not one drawn for viewing";
     FrameError::Invalid { path: path.into(), what: what.into() }
 }
 
-fn decoder_of(path: &Path) -> Result<Box<dyn ImageDecoder>, FrameError> {
-    let mut reader = open(path)?;
-    let format = format_of(&mut reader, path)?;
-    if format != ImageFormat::Jpeg {
-        let decoder = ImageReader::with_format(reader, format).into_decoder().map_err(|e| damaged(path, &e))?;
-        return Ok(Box::new(decoder));
-    }
-    let mut bytes = Vec::new();
-    reader.read_to_end(&mut bytes).map_err(|source| FrameError::io(path, source))?;
-    if !is_complete_jpeg(&bytes) {
-        return Err(cut_off(path));
-    }
-    let reader = ImageReader::with_format(Cursor::new(bytes), format);
-    Ok(Box::new(reader.into_decoder().map_err(|e| damaged(path, &e))?))
+fn over_grey([red, green, blue, alpha]: [u8; 4]) -> [u8; 3] {
+    let (share, rest) = (u32::from(alpha), u32::from(BEHIND) * (255 - u32::from(alpha)));
+    [red, green, blue].map(|value| ((u32::from(value) * share + rest + 127) / 255) as u8)
 }
 
-fn read_rgb(decoder: Box<dyn ImageDecoder>) -> image::ImageResult<Vec<[u8; 3]>> {
-    let (width, height) = decoder.dimensions();
-    if decoder.color_type() == ColorType::Rgb8 {
-        let mut pixels = vec![[0; 3]; width as usize * height as usize];
-        decoder.read_image(bytemuck::cast_slice_mut(&mut pixels))?;
-        return Ok(pixels);
+/// The pixels that have no other than opaque ones within [`EDGE_PX`] rows and columns.
+fn shrunk(opaque: &[bool], width: usize) -> Vec<bool> {
+    let mut in_rows = vec![false; opaque.len()];
+    for (row, out) in opaque.chunks_exact(width).zip(in_rows.chunks_exact_mut(width)) {
+        for (x, out) in out.iter_mut().enumerate() {
+            *out = row[x.saturating_sub(EDGE_PX)..width.min(x + EDGE_PX + 1)].iter().all(|&opaque| opaque);
+        }
     }
-    let rgb = DynamicImage::from_decoder(decoder)?.into_rgb8();
-    Ok(bytemuck::cast_slice(rgb.as_raw()).to_vec())
+    let height = opaque.len() / width.max(1);
+    let whole = |pixel: usize| {
+        let (x, y) = (pixel % width, pixel / width);
+        (y.saturating_sub(EDGE_PX)..height.min(y + EDGE_PX + 1)).all(|y| in_rows[y * width + x])
+    };
+    (0..opaque.len()).map(whole).collect()
+}
+
+/// An image file whose header was read and checked.
+struct Source<'a> {
+    path: &'a Path,
+    reader: BufReader<File>,
+    format: ImageFormat,
+    header: Header,
+    orientation: Orientation,
+}
+
+/// Values of an image's pixels, turned upright.
+struct Upright<T> {
+    size: (u32, u32),
+    values: Vec<T>,
+}
+
+impl<'a> Source<'a> {
+    fn open(path: &'a Path, orientation: Orientation, check: CheckSize<'_>) -> Result<Self, FrameError> {
+        let mut reader = open(path)?;
+        let format = format_of(&mut reader, path)?;
+        let header = header_in(&mut reader, format, path)?;
+        check(orientation.shown_size(header.width, header.height))?;
+        let io = |reason| FrameError::io(path, reason);
+        let complete = match format {
+            ImageFormat::Jpeg => is_complete_jpeg(&mut reader).map_err(io)?,
+            ImageFormat::WebP if !webp_frames_fit(&mut reader, header.width, header.height).map_err(io)? => {
+                return Err(damaged(path, &"its frames have another size than its header"));
+            }
+            _ => true,
+        };
+        if !complete {
+            return Err(cut_off(path));
+        }
+        std::io::Seek::rewind(&mut reader).map_err(io)?;
+        Ok(Self { path, reader, format, header, orientation })
+    }
+
+    fn read<T: Copy + Default>(
+        mut self,
+        decode: impl FnOnce(Box<dyn ImageDecoder + '_>) -> image::ImageResult<Vec<T>>,
+    ) -> Result<Upright<T>, FrameError> {
+        let pixels = u64::from(self.header.width) * u64::from(self.header.height);
+        let mut limits = Limits::default();
+        limits.max_alloc = Some(pixels * WORKING_BYTES_PER_PIXEL + WORKING_BYTES);
+        let mut images = ImageReader::with_format(&mut self.reader, self.format);
+        images.limits(limits);
+        let decoded = images.into_decoder().and_then(|decoder| {
+            // The size was checked by the header; a decoder that found another one is not let loose.
+            if decoder.dimensions() != (self.header.width, self.header.height) {
+                return Err(std::io::Error::other("it has two sizes").into());
+            }
+            decode(Box::new(decoder))
+        });
+        match decoded {
+            Ok(values) => Ok(self.upright(values)),
+            Err(error) => Err(cannot_decode(&mut self.reader, self.path, self.format, &error)),
+        }
+    }
+
+    fn read_tiff(mut self, in_world: impl Fn(f64) -> f32) -> Result<Upright<f32>, FrameError> {
+        let pixels = self.header.width as usize * self.header.height as usize;
+        let values = read_depth_samples(&mut self.reader, pixels).map_err(|error| damaged(self.path, &error))?;
+        if values.len() != pixels {
+            return Err(cut_off(self.path));
+        }
+        Ok(self.upright(values.into_iter().map(in_world).collect()))
+    }
+
+    fn upright<T: Copy + Default>(&self, values: Vec<T>) -> Upright<T> {
+        let (width, height) = (self.header.width, self.header.height);
+        let values = turn(values, width, height, self.orientation);
+        Upright { size: self.orientation.shown_size(width, height), values }
+    }
 }

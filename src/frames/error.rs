@@ -7,12 +7,12 @@ use crate::geometry::GeometryError;
 #[derive(Debug, thiserror::Error)]
 pub enum FrameError {
     /// A file or folder cannot be read.
-    #[error("{}: cannot be read ({source}); check that it exists and may be read", path.display())]
+    #[error("{}: cannot be read ({reason}); check that it exists and may be read", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
+        /// What the system said. Part of the message, so it is not this error's source: it would be printed twice.
+        reason: std::io::Error,
     },
     /// A source file or folder is gone.
     #[error("{}: is not there; if it was moved, run 'ostra relocate PROJECT OLD NEW' or choose File › Frames were moved", path.display())]
@@ -32,12 +32,12 @@ pub enum FrameError {
     #[error("{0}")]
     NotFound(String),
     /// A pose or camera that cannot be.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {reason}", path.display())]
     Geometry {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
-        source: GeometryError,
+        /// What is wrong; see `Io` for its name.
+        reason: GeometryError,
     },
     /// The user stopped it.
     #[error(transparent)]
@@ -46,10 +46,10 @@ pub enum FrameError {
 
 impl FrameError {
     /// Tells a path that is gone from one that cannot be read.
-    pub(super) fn io(path: &Path, source: std::io::Error) -> Self {
-        if source.kind() == std::io::ErrorKind::NotFound {
+    pub(super) fn io(path: &Path, reason: std::io::Error) -> Self {
+        if reason.kind() == std::io::ErrorKind::NotFound {
             return Self::Missing { path: path.into() };
         }
-        Self::Io { path: path.into(), source }
+        Self::Io { path: path.into(), reason }
     }
 }

@@ -66,11 +66,13 @@ impl PictureSource {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum DepthSource {
-    /// A sensor: a 16-bit picture, pixel for pixel with the stored colour picture unless it has a camera of its own.
+    /// A sensor: a grey image of 16 bits or of floats, pixel for pixel with the stored colour image unless it has a camera of
+    /// its own.
     Sensor {
         /// Absolute path.
         path: PathBuf,
-        /// World units (metres) per step of the stored value; stored 0 and 65535 mean unknown.
+        /// World units (metres) per unit of the stored value. Unknown are 0, negative values, the largest integer, NaN and
+        /// infinities.
         unit: f64,
         /// Turn to apply, that of the colour picture.
         #[serde(default)]
@@ -128,6 +130,7 @@ impl FrameCamera {
 
 /// One picture of the sequence, with what is known of it. Pixels are loaded through [`super::FrameStore`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "StoredFrame")]
 pub struct Frame {
     /// Unique in the project: the path below the folder given, with `/`; for a film `FILM/000123`.
     pub name: String,
@@ -143,6 +146,45 @@ pub struct Frame {
     /// The camera, where it is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<FrameCamera>,
+}
+
+/// A frame as a project gives it, before it is checked.
+#[derive(Deserialize)]
+struct StoredFrame {
+    name: String,
+    width: u32,
+    height: u32,
+    picture: PictureSource,
+    #[serde(default)]
+    depth: Option<DepthSource>,
+    #[serde(default)]
+    camera: Option<FrameCamera>,
+}
+
+impl TryFrom<StoredFrame> for Frame {
+    type Error = String;
+
+    /// Refuses sizes that no image has, before anything of that size is allocated, and a camera of another size.
+    fn try_from(stored: StoredFrame) -> Result<Self, String> {
+        let StoredFrame { name, width, height, picture, depth, camera } = stored;
+        let pixels = u64::from(width) * u64::from(height);
+        if pixels == 0 || width.max(height) > Camera::MAX_SIDE || pixels > Camera::MAX_PIXELS {
+            return Err(format!(
+                "frame '{name}': {width} × {height} pixels are not possible (at most {} a side and {} million in all)",
+                Camera::MAX_SIDE,
+                Camera::MAX_PIXELS / 1_000_000
+            ));
+        }
+        if let Some(FrameCamera { intrinsics, .. }) = &camera
+            && (intrinsics.width, intrinsics.height) != (width, height)
+        {
+            return Err(format!(
+                "frame '{name}': its camera is for {} × {} pixels but the image has {width} × {height}",
+                intrinsics.width, intrinsics.height
+            ));
+        }
+        Ok(Self { name, width, height, picture, depth, camera })
+    }
 }
 
 impl Frame {

@@ -2,18 +2,44 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
+use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
 use super::complete::is_complete;
+use super::tiff_samples::{depth_samples, variant_of};
 use super::{FrameError, Orientation};
+use crate::engine::disk;
+use crate::geometry::Camera;
 
 /// The formats that can be frames, as named to the user.
 pub(super) const FORMATS: &str = "JPEG, PNG, TIFF or WebP";
 
-/// Pictures with more pixels are refused: a damaged header, or more than one machine can work on.
-pub(super) const MAX_PIXELS: u64 = 1 << 28;
+/// Images with more pixels are refused: a damaged header, or more than one machine can work on.
+pub(super) const MAX_PIXELS: u64 = Camera::MAX_PIXELS;
 
-/// What a picture file's header says.
+/// Bytes that a decoder may allocate for a header: colour profiles, EXIF, text.
+const HEADER_BYTES: u64 = 32 << 20;
+
+/// How many bytes a file may have for each of its pixels …
+const BYTES_PER_PIXEL: u64 = 64;
+/// … besides those of what some cameras append to an image (a short video, previews).
+const APPENDED_BYTES: u64 = 256 << 20;
+
+/// What the pixels of an image file hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Content {
+    /// Colours or grey.
+    Color,
+    /// Colours or grey, with an alpha channel.
+    ColorAlpha,
+    /// One channel of 16-bit unsigned integers: a grey image, or depth.
+    Grey16,
+    /// One channel of integers that only depth can be: signed, or of 32 bits.
+    IntegerDepth,
+    /// One channel of floats, which only depth can be.
+    FloatDepth,
+}
+
+/// What an image file's header says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Header {
     /// Columns as stored.
@@ -22,56 +48,111 @@ pub(super) struct Header {
     pub height: u32,
     /// The turn to apply when shown.
     pub orientation: Orientation,
-    /// One channel of 16 bits: what depth is stored as.
-    pub grey16: bool,
+    /// What its pixels hold.
+    pub content: Content,
 }
 
-/// Reads size, orientation and kind from the first bytes of a picture file, and looks whether its end is there.
+impl Header {
+    /// Whether it can be a depth map.
+    pub fn is_depth(&self) -> bool {
+        matches!(self.content, Content::Grey16 | Content::IntegerDepth | Content::FloatDepth)
+    }
+
+    /// Whether it can only be a depth map.
+    pub fn is_only_depth(&self) -> bool {
+        matches!(self.content, Content::IntegerDepth | Content::FloatDepth)
+    }
+}
+
+/// Reads size, orientation and kind from the first bytes of an image file.
 pub(super) fn read_header(path: &Path) -> Result<Header, FrameError> {
     let mut reader = open(path)?;
     let format = format_of(&mut reader, path)?;
-    if !is_complete(&mut reader, format).map_err(|source| FrameError::io(path, source))? {
-        return Err(cut_off(path));
+    header_in(&mut reader, format, path)
+}
+
+/// An error where the end of an image file is missing, found without decoding it.
+pub(super) fn check_complete(path: &Path) -> Result<(), FrameError> {
+    let mut reader = open(path)?;
+    let format = format_of(&mut reader, path)?;
+    match is_complete(&mut reader, format) {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(cut_off(path)),
+        Err(reason) if reason.kind() == std::io::ErrorKind::UnexpectedEof => Err(cut_off(path)),
+        Err(reason) => Err(FrameError::io(path, reason)),
     }
-    reader.rewind().map_err(|source| FrameError::io(path, source))?;
-    let header = match format {
-        ImageFormat::Jpeg => read_jpeg_header(&mut reader).map_err(|e| damaged(path, &e))?,
-        format => {
-            let decoder = ImageReader::with_format(reader, format).into_decoder();
-            decoder.and_then(header_of).map_err(|e| damaged(path, &e))?
+}
+
+/// The header of an open file, within the limits of what is decoded; the reader is left at the file's start.
+pub(super) fn header_in(reader: &mut BufReader<File>, format: ImageFormat, path: &Path) -> Result<Header, FrameError> {
+    let io = |reason| FrameError::io(path, reason);
+    let depth = if format == ImageFormat::Tiff { depth_samples(reader) } else { None };
+    reader.rewind().map_err(io)?;
+    let header = match (format, depth) {
+        (_, Some(header)) => header,
+        (ImageFormat::Jpeg, None) => read_jpeg_header(reader).map_err(|e| damaged(path, &e))?,
+        (format, None) => {
+            let mut limits = Limits::default();
+            limits.max_alloc = Some(HEADER_BYTES);
+            let mut images = ImageReader::with_format(&mut *reader, format);
+            images.limits(limits);
+            let header = images.into_decoder().and_then(header_of);
+            match header {
+                Ok(header) => header,
+                Err(error) => return Err(cannot_decode(reader, path, format, &error)),
+            }
         }
     };
-    let pixels = u64::from(header.width) * u64::from(header.height);
-    if pixels == 0 || pixels > MAX_PIXELS {
-        let what = format!(
-            "its header says {} × {} pixels, which cannot be read (at most {} million); replace it or make it smaller",
-            header.width,
-            header.height,
-            MAX_PIXELS / 1_000_000
-        );
-        return Err(FrameError::Invalid { path: path.into(), what });
-    }
+    reader.rewind().map_err(io)?;
+    check_limits(&header, reader.get_ref().metadata().map_err(io)?.len(), path)?;
     Ok(header)
 }
 
-/// Opens a source file; one that is gone is told apart from one that cannot be read.
-pub(super) fn open(path: &Path) -> Result<BufReader<File>, FrameError> {
-    File::open(path).map(BufReader::new).map_err(|source| FrameError::io(path, source))
+fn check_limits(header: &Header, bytes: u64, path: &Path) -> Result<(), FrameError> {
+    let (width, height) = (header.width, header.height);
+    let pixels = u64::from(width) * u64::from(height);
+    let invalid = |what: String| Err(FrameError::Invalid { path: path.into(), what });
+    if pixels == 0 || width.max(height) > Camera::MAX_SIDE || pixels > MAX_PIXELS {
+        return invalid(format!(
+            "its header says {width} × {height} pixels, which cannot be read (at most {} a side and {} million in all); \
+             replace it or make it smaller",
+            Camera::MAX_SIDE,
+            MAX_PIXELS / 1_000_000
+        ));
+    }
+    if bytes > pixels * BYTES_PER_PIXEL + APPENDED_BYTES {
+        return invalid(format!("a file of {bytes} bytes for {width} × {height} pixels is damaged; replace it"));
+    }
+    Ok(())
 }
 
-/// The picture format, from the file's first bytes, whatever its name ends with.
+/// Opens a source file, which must be a regular one; one that is missing is distinguished from one that cannot be read.
+pub(super) fn open(path: &Path) -> Result<BufReader<File>, FrameError> {
+    disk::open_regular(path).map(BufReader::new).map_err(|reason| FrameError::io(path, reason))
+}
+
+/// The image format, from the file's first bytes, whatever its name ends with.
 pub(super) fn format_of(reader: &mut BufReader<File>, path: &Path) -> Result<ImageFormat, FrameError> {
-    let start = reader.fill_buf().map_err(|source| FrameError::io(path, source))?;
+    let start = reader.fill_buf().map_err(|reason| FrameError::io(path, reason))?;
+    let invalid = |what: String| Err(FrameError::Invalid { path: path.into(), what });
+    if start.is_empty() {
+        return invalid("the file is empty; replace it or remove it".into());
+    }
+    if start.starts_with(b"II\x2b\0") || start.starts_with(b"MM\0\x2b") {
+        return Ok(ImageFormat::Tiff); // BigTIFF
+    }
+    if let Some(b"heic" | b"heix" | b"heim" | b"heis" | b"hevc" | b"mif1" | b"msf1" | b"avif") = start.get(8..12)
+        && start.get(4..8) == Some(b"ftyp".as_slice())
+    {
+        return invalid(format!("this is a HEIC or AVIF image, not {FORMATS}; convert it, e.g. with heif-convert"));
+    }
     match image::guess_format(start) {
         Ok(format @ (ImageFormat::Jpeg | ImageFormat::Png | ImageFormat::Tiff | ImageFormat::WebP)) => Ok(format),
-        _ => {
-            let what = format!("this is no {FORMATS} picture; remove it or replace it");
-            Err(FrameError::Invalid { path: path.into(), what })
-        }
+        _ => invalid(format!("this is not a {FORMATS} image; remove it or replace it")),
     }
 }
 
-/// Whether a file's first bytes are those of a picture.
+/// Whether a file's first bytes are those of an image.
 pub(super) fn is_picture(path: &Path) -> Result<bool, FrameError> {
     match format_of(&mut open(path)?, path) {
         Ok(_) => Ok(true),
@@ -80,13 +161,38 @@ pub(super) fn is_picture(path: &Path) -> Result<bool, FrameError> {
     }
 }
 
-/// The error for a picture that breaks off or does not follow its format.
+/// The error for a file that a decoder refused: an unsupported variant is distinguished from damage.
+pub(super) fn cannot_decode(
+    reader: &mut BufReader<File>,
+    path: &Path,
+    format: ImageFormat,
+    error: &ImageError,
+) -> FrameError {
+    let invalid = |what: String| FrameError::Invalid { path: path.into(), what };
+    let as_png = "convert it to a PNG of 8 or 16 bits, e.g. with ImageMagick: magick";
+    let name = path.file_name().unwrap_or_default().display();
+    let variant = if format == ImageFormat::Tiff { variant_of(reader) } else { None };
+    match (error, variant) {
+        (ImageError::Unsupported(_), Some(variant)) => {
+            invalid(format!("a TIFF with {variant} is not supported; {as_png} {name} -colorspace sRGB {name}.png"))
+        }
+        (ImageError::Unsupported(_), None) => {
+            invalid(format!("this variant of {format:?} is not supported ({error}); {as_png} {name} {name}.png"))
+        }
+        (ImageError::Limits(_), _) => invalid(format!(
+            "decoding it takes more memory than an image of its size needs ({error}); {as_png} {name} {name}.png"
+        )),
+        _ => damaged(path, error),
+    }
+}
+
+/// The error for an image that breaks off or does not follow its format.
 pub(super) fn damaged(path: &Path, why: &dyn std::fmt::Display) -> FrameError {
-    let what = format!("the picture is damaged or cut off ({why}); replace it or take it out of the folder");
+    let what = format!("the image is damaged or cut off ({why}); replace it or take it out of the folder");
     FrameError::Invalid { path: path.into(), what }
 }
 
-/// The error for a picture whose end is missing.
+/// The error for an image whose end is missing.
 pub(super) fn cut_off(path: &Path) -> FrameError {
     damaged(path, &"its end is missing")
 }
@@ -94,7 +200,12 @@ pub(super) fn cut_off(path: &Path) -> FrameError {
 fn header_of(mut decoder: impl ImageDecoder) -> image::ImageResult<Header> {
     let (width, height) = decoder.dimensions();
     let orientation = Orientation(decoder.orientation()?.to_exif());
-    Ok(Header { width, height, orientation, grey16: decoder.color_type() == ColorType::L16 })
+    let content = match decoder.color_type() {
+        ColorType::L16 => Content::Grey16,
+        color if color.has_alpha() => Content::ColorAlpha,
+        _ => Content::Color,
+    };
+    Ok(Header { width, height, orientation, content })
 }
 
 /// Walks the segments up to the frame header; unlike a decoder it does not read the whole file.
@@ -112,9 +223,9 @@ fn read_jpeg_header(reader: &mut (impl BufRead + Seek)) -> std::io::Result<Heade
             0xc0..=0xc3 | 0xc5..=0xc7 | 0xc9..=0xcb | 0xcd..=0xcf => {
                 let [_, h1, h0, w1, w0, _] = read_bytes::<6>(reader)?;
                 let (width, height) = (u16::from_be_bytes([w1, w0]).into(), u16::from_be_bytes([h1, h0]).into());
-                return Ok(Header { width, height, orientation, grey16: false });
+                return Ok(Header { width, height, orientation, content: Content::Color });
             }
-            0xd9 | 0xda => return Err(invalid("picture data before a size")),
+            0xd9 | 0xda => return Err(invalid("image data before a size")),
             0xe1 => {
                 let mut segment = vec![0; body.into()];
                 reader.read_exact(&mut segment)?;
@@ -130,7 +241,8 @@ fn exif_orientation(segment: &[u8]) -> Option<Orientation> {
     image::metadata::Orientation::from_exif_chunk(exif).map(|o| Orientation(o.to_exif()))
 }
 
-fn next_marker(reader: &mut impl Read) -> std::io::Result<u8> {
+/// The code of the next marker of a JPEG.
+pub(super) fn next_marker(reader: &mut impl Read) -> std::io::Result<u8> {
     let [mut byte] = read_bytes(reader)?;
     while byte != 0xff {
         [byte] = read_bytes(reader)?; // some cameras leave bytes between segments
@@ -141,7 +253,8 @@ fn next_marker(reader: &mut impl Read) -> std::io::Result<u8> {
     Ok(byte)
 }
 
-fn read_bytes<const N: usize>(reader: &mut impl Read) -> std::io::Result<[u8; N]> {
+/// The next `N` bytes.
+pub(super) fn read_bytes<const N: usize>(reader: &mut impl Read) -> std::io::Result<[u8; N]> {
     let mut bytes = [0; N];
     reader.read_exact(&mut bytes)?;
     Ok(bytes)

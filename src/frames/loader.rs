@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::cache::{Cache, Weigh};
-use super::decode::{decode_depth, decode_picture};
+use super::decode::{decode_depth, decode_picture, opaque_pixels};
 use super::film::Films;
 use super::{DepthCamera, DepthMap, DepthSource, Frame, FrameError, Image, MadeDepth, PictureSource};
 
@@ -124,7 +124,11 @@ impl Loader {
     fn decode_depth(&self, frame: &Frame, source: &DepthSource) -> Result<DepthMap, FrameError> {
         match source {
             DepthSource::Sensor { path, unit, orientation, camera } => {
-                let measured = decode_depth(path, *unit, *orientation)?;
+                let check = |size| match camera {
+                    Some(camera) => check_lens_size(path, camera, size),
+                    None => check_size(frame, path, size),
+                };
+                let measured = decode_depth(path, *unit, *orientation, &check)?;
                 match camera {
                     Some(camera) => through_lens(frame, path, camera, &measured),
                     None => Ok(measured),
@@ -134,10 +138,22 @@ impl Loader {
         }
     }
 
+    /// Which pixels of the frame's image are opaque; `None` where all are. Not kept.
+    pub fn opaque_pixels(&self, frame: &Frame) -> Result<Option<Vec<bool>>, FrameError> {
+        match &frame.picture {
+            PictureSource::File { path, orientation } => {
+                opaque_pixels(path, *orientation, &|size| check_size(frame, path, size))
+            }
+            PictureSource::Film { .. } => Ok(None),
+        }
+    }
+
     /// The picture without keeping it.
     pub fn decode_image(&self, frame: &Frame) -> Result<Arc<Image>, FrameError> {
         let image = match &frame.picture {
-            PictureSource::File { path, orientation } => decode_picture(path, *orientation)?,
+            PictureSource::File { path, orientation } => {
+                decode_picture(path, *orientation, &|size| check_size(frame, path, size))?
+            }
             PictureSource::Film { path, index, time_s } => {
                 if !path.exists() {
                     return Err(FrameError::Missing { path: path.clone() });
@@ -149,16 +165,20 @@ impl Loader {
     }
 }
 
+fn check_lens_size(path: &Path, by: &DepthCamera, (now_width, now_height): (u32, u32)) -> Result<(), FrameError> {
+    let (width, height) = (by.intrinsics.width, by.intrinsics.height);
+    if (now_width, now_height) == (width, height) {
+        return Ok(());
+    }
+    let what = format!(
+        "depth of {now_width} × {now_height} pixels does not fit its camera of {width} × {height}; give it as it was"
+    );
+    Err(FrameError::Invalid { path: path.into(), what })
+}
+
 /// Depth that another camera measured, as the frame's sees it.
 fn through_lens(frame: &Frame, path: &Path, by: &DepthCamera, measured: &DepthMap) -> Result<DepthMap, FrameError> {
-    let (width, height) = (by.intrinsics.width, by.intrinsics.height);
     let invalid = |what: String| FrameError::Invalid { path: path.into(), what };
-    if (measured.width, measured.height) != (width, height) {
-        let (now_width, now_height) = (measured.width, measured.height);
-        return Err(invalid(format!(
-            "depth of {now_width} × {now_height} pixels does not fit its camera of {width} × {height}; give it as it was"
-        )));
-    }
     let picture = frame.camera.ok_or_else(|| {
         let name = &frame.name;
         invalid(format!("its own camera is known but not that of picture {name}; give --intrinsics or --cameras"))

@@ -1,4 +1,3 @@
-use std::fs::File;
 use std::io::{BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
@@ -10,6 +9,7 @@ use tiff::tags::Tag;
 use tiff::{TiffError, TiffResult};
 
 use super::{DepthMap, Frame, FrameError};
+use crate::engine::disk;
 use crate::geometry::Camera;
 
 /// A depth map that a reconstruction made, often smaller than the frame's picture, with what is known of each pixel.
@@ -37,8 +37,9 @@ impl MadeDepth {
     /// # Errors
     /// [`FrameError`] where it is missing or damaged.
     pub fn read(path: &Path) -> Result<Self, FrameError> {
-        let file = File::open(path).map_err(|source| FrameError::io(path, source))?;
-        decode(BufReader::new(file)).map_err(|error| FrameError::Invalid {
+        let file = disk::open_regular(path).map_err(|reason| FrameError::io(path, reason))?;
+        let bytes = file.metadata().map_err(|reason| FrameError::io(path, reason))?.len();
+        decode(BufReader::new(file), bytes).map_err(|error| FrameError::Invalid {
             path: path.into(),
             what: format!("the depth map is damaged ({error}); reconstruct again"),
         })
@@ -124,10 +125,14 @@ fn unpacked(pixel: &[u8]) -> [i8; 3] {
     if pixel == [0; 3] { [0; 3] } else { [0, 1, 2].map(|i| (i16::from(pixel[i]) - 128) as i8) }
 }
 
-fn decode(reader: impl Read + Seek) -> TiffResult<MadeDepth> {
+/// Reads a file of `bytes` bytes. The pixels are not compressed, so a header that claims more is damaged.
+fn decode(reader: impl Read + Seek, bytes: u64) -> TiffResult<MadeDepth> {
     let mut decoder = Decoder::new(reader)?;
     let wrong = || TiffError::from(std::io::Error::other("it is not a depth map with normals and confidences"));
     let (width, height) = decoder.dimensions()?;
+    if u64::from(width) * u64::from(height) > bytes / size_of::<f32>() as u64 {
+        return Err(std::io::Error::other("it is cut off").into());
+    }
     let camera = decoder.get_tag_ascii_string(Tag::ImageDescription)?;
     let camera: Camera = serde_json::from_str(&camera).map_err(std::io::Error::from)?;
     let DecodingResult::F32(depths) = decoder.read_image()? else { return Err(wrong()) };

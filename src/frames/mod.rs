@@ -21,6 +21,7 @@ mod open;
 mod relocate;
 mod store;
 mod thumbnail;
+mod tiff_samples;
 mod turn;
 
 pub use depth_camera::DepthCamera;

@@ -62,6 +62,15 @@ impl FrameStore {
         self.loader.cached_image(frame)
     }
 
+    /// Which pixels of the frame's image are opaque, leaving out those next to a transparent one: `width · height` values,
+    /// row by row; `None` where all are. [`Self::image`] shows transparent pixels in grey.
+    ///
+    /// # Errors
+    /// As [`Self::image`].
+    pub fn opaque_pixels(&self, frame: &Frame) -> Result<Option<Vec<bool>>, FrameError> {
+        self.loader.opaque_pixels(frame)
+    }
+
     /// The frame's depth in world units, turned upright; `None` when it has none.
     ///
     /// # Errors

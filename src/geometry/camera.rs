@@ -5,6 +5,7 @@ use super::Distortion;
 
 /// A camera's intrinsics. Pixel space: centre of the top-left pixel at (0.5, 0.5); camera space: OpenCV axes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "StoredCamera")]
 pub struct Camera {
     /// Picture width in pixels.
     pub width: u32,
@@ -19,7 +20,51 @@ pub struct Camera {
     pub distortion: Distortion,
 }
 
+/// A camera as a file gives it, before it is checked.
+#[derive(Deserialize)]
+struct StoredCamera {
+    width: u32,
+    height: u32,
+    focal_px: DVec2,
+    principal_px: DVec2,
+    #[serde(default)]
+    distortion: Distortion,
+}
+
+impl TryFrom<StoredCamera> for Camera {
+    type Error = String;
+
+    /// Refuses sizes that no image has, before anything of that size is allocated, and values that are not finite.
+    fn try_from(stored: StoredCamera) -> Result<Self, String> {
+        let StoredCamera { width, height, focal_px, principal_px, distortion } = stored;
+        let sides = 1..=Self::MAX_SIDE;
+        if !sides.contains(&width)
+            || !sides.contains(&height)
+            || u64::from(width) * u64::from(height) > Self::MAX_PIXELS
+        {
+            return Err(format!(
+                "a camera of {width} × {height} pixels is not possible (at most {} a side and {} million in all)",
+                Self::MAX_SIDE,
+                Self::MAX_PIXELS / 1_000_000
+            ));
+        }
+        if !(focal_px.is_finite() && focal_px.min_element() > 0.0 && principal_px.is_finite()) {
+            return Err(format!(
+                "a camera with focal lengths {}, {} and principal point {}, {} is not possible",
+                focal_px.x, focal_px.y, principal_px.x, principal_px.y
+            ));
+        }
+        Ok(Self { width, height, focal_px, principal_px, distortion })
+    }
+}
+
 impl Camera {
+    /// The most pixels that a side of an image may have: JPEG cannot hold more.
+    pub const MAX_SIDE: u32 = 65_535;
+    /// The most pixels that an image may have in all: somewhat more than the largest sensors of phones and cameras (200
+    /// million). Decoded they take 660 MB.
+    pub const MAX_PIXELS: u64 = 220_000_000;
+
     /// A pinhole camera without distortion.
     #[must_use]
     pub fn pinhole(width: u32, height: u32, fx: f64, fy: f64, cx: f64, cy: f64) -> Self {

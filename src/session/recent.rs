@@ -20,7 +20,7 @@ impl Recent {
     }
 
     fn load_from(file: PathBuf) -> Self {
-        let text = std::fs::read_to_string(&file).unwrap_or_default();
+        let text = crate::engine::disk::read_text(&file).unwrap_or_default();
         let paths = text.lines().filter(|line| !line.is_empty()).map(PathBuf::from).take(MOST).collect();
         Self { paths, file: Some(file) }
     }

@@ -178,9 +178,9 @@ fn what_cannot_be_opened_is_named() {
     std::fs::create_dir(path("text")).unwrap();
     std::fs::write(path("text/a.png"), "this is no picture").unwrap();
     let text = refused(&request(path("text"), None));
-    assert!(text.contains("a.png: this is no JPEG, PNG, TIFF or WebP picture"), "{text}");
+    assert!(text.contains("a.png: this is not a JPEG, PNG, TIFF or WebP image"), "{text}");
     std::fs::write(path("text/a.png"), "").unwrap();
-    assert!(refused(&request(path("text"), None)).contains("a.png: this is no"));
+    assert!(refused(&request(path("text"), None)).contains("a.png: the file is empty"));
     assert!(refused(&OpenRequest { every: 0, ..request(path("empty"), None) }).contains("1 or more"));
     assert!(refused(&OpenRequest { depth_unit: f64::NAN, ..request(path("empty"), None) }).contains("depth unit"));
     assert!(refused(&OpenRequest::default()).contains("no frames are given"));
@@ -211,7 +211,7 @@ fn depth_that_does_not_fit_is_refused() {
     let small = refused(&request(path("rgb"), Some(path("small"))));
     assert!(small.contains("small/a.png: depth of 4 × 3 pixels") && small.contains("rgb/a.png of 8 × 6"), "{small}");
     assert!(refused(&request(path("rgb"), Some(path("other")))).contains("other: no depth picture fits a frame"));
-    assert!(refused(&request(path("rgb"), Some(path("drawn")))).contains("a.png: depth must be a grey picture of 16"));
+    assert!(refused(&request(path("rgb"), Some(path("drawn")))).contains("a.png: depth must be a grey image of 16"));
 }
 
 #[test]

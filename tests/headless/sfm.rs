@@ -176,7 +176,7 @@ fn poses(path: &Path) -> Vec<(String, Pose)> {
         other => panic!("a camera without a name: {other:?}"),
     };
     let cameras = GivenCameras::read(path).unwrap().cameras;
-    cameras.iter().map(|camera| (named(&camera.key), camera.camera_from_world)).collect()
+    cameras.iter().map(|camera| (named(&camera.key), camera.camera_from_world.clone().unwrap())).collect()
 }
 
 /// 56 of 167 frames make the map, the others are placed in it; colour only.

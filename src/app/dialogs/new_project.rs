@@ -95,6 +95,8 @@ impl NewProjectForm {
             open: OpenRequest {
                 sources,
                 depth_unit: self.depth_unit,
+                // Floats are metres unless another unit than that of most integers is chosen.
+                float_depth_unit: if self.depth_unit == 0.001 { 1.0 } else { self.depth_unit },
                 depth_camera: self.depth_camera()?,
                 every: self.every,
                 from: self.from,

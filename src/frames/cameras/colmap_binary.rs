@@ -81,7 +81,8 @@ pub fn read(folder: &Path) -> Result<Vec<GivenCamera>, FrameError> {
     read_images(&mut Cursor::new(&path, &read_bytes(&path)?), &cameras)
 }
 
-fn read_cameras(file: &mut Cursor<'_>) -> Result<BTreeMap<u32, GivenIntrinsics>, FrameError> {
+/// Cameras by number. One that cannot be used is an error only where an image has it.
+fn read_cameras(file: &mut Cursor<'_>) -> Result<BTreeMap<u32, Result<GivenIntrinsics, String>>, FrameError> {
     let mut cameras = BTreeMap::new();
     for _ in 0..file.u64()? {
         let id = file.u32()?;
@@ -89,14 +90,14 @@ fn read_cameras(file: &mut Cursor<'_>) -> Result<BTreeMap<u32, GivenIntrinsics>,
         let size = [file.u64()?, file.u64()?];
         let count = parameter_count(&model).map_err(|what| file.error(what))?;
         let parameters: Vec<f64> = (0..count).map(|_| file.f64()).collect::<Result<_, _>>()?;
-        cameras.insert(id, intrinsics(&model, size, &parameters).map_err(|what| file.error(what))?);
+        cameras.insert(id, intrinsics(&model, size, &parameters).map_err(|what| format!("cameras.bin: {what}")));
     }
     Ok(cameras)
 }
 
 fn read_images(
     file: &mut Cursor<'_>,
-    cameras: &BTreeMap<u32, GivenIntrinsics>,
+    cameras: &BTreeMap<u32, Result<GivenIntrinsics, String>>,
 ) -> Result<Vec<GivenCamera>, FrameError> {
     let mut images = Vec::new();
     for _ in 0..file.u64()? {
@@ -110,11 +111,11 @@ fn read_images(
         let points = file.u64()?;
         file.skip_records(points, 24)?;
         let pose = pose_from_quaternion([v[1], v[2], v[3], v[0]], DVec3::new(v[4], v[5], v[6]))
-            .map_err(|error| file.error(format!("{name}: {error}")))?;
+            .map_err(|error| format!("{name}: {error}"));
         let given = cameras
             .get(&camera)
             .ok_or_else(|| file.error(format!("{name} has camera {camera}, which cameras.bin does not hold")))?;
-        images.push(GivenCamera { key: CameraKey::Name(name), intrinsics: Some(*given), camera_from_world: pose });
+        images.push(GivenCamera::with_intrinsics(CameraKey::Name(name), given, pose));
     }
     Ok(images)
 }

@@ -3,52 +3,68 @@ use glam::DVec2;
 use super::{Focal, GivenIntrinsics};
 use crate::geometry::{Camera, Distortion};
 
-/// The COLMAP camera models by number, as its binary files name them.
-const NAMES: [&str; 12] = [
+/// The camera models of COLMAP 4.2 by number, as its binary files name them, each with its number of parameters. Those
+/// that are not supported are here so that binary files with them can be read past.
+const MODELS: [(&str, usize); 18] = [
+    ("SIMPLE_PINHOLE", 3),
+    ("PINHOLE", 4),
+    ("SIMPLE_RADIAL", 4),
+    ("RADIAL", 5),
+    ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8),
+    ("FULL_OPENCV", 12),
+    ("FOV", 5),
+    ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5),
+    ("THIN_PRISM_FISHEYE", 12),
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4),
+    ("DIVISION", 5),
+    ("SIMPLE_FISHEYE", 3),
+    ("FISHEYE", 4),
+    ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
+];
+
+const SUPPORTED: [&str; 8] = [
     "SIMPLE_PINHOLE",
     "PINHOLE",
     "SIMPLE_RADIAL",
     "RADIAL",
     "OPENCV",
-    "OPENCV_FISHEYE",
     "FULL_OPENCV",
-    "FOV",
-    "SIMPLE_RADIAL_FISHEYE",
-    "RADIAL_FISHEYE",
+    "OPENCV_FISHEYE",
     "THIN_PRISM_FISHEYE",
-    "RAD_TAN_THIN_PRISM_FISHEYE",
 ];
-
-const SUPPORTED: &str =
-    "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, THIN_PRISM_FISHEYE";
 
 /// The name of a model of a binary file; its number where it is not known.
 pub fn model_name(number: i32) -> String {
     usize::try_from(number)
         .ok()
-        .and_then(|i| NAMES.get(i))
-        .map_or_else(|| format!("number {number}"), ToString::to_string)
+        .and_then(|i| MODELS.get(i))
+        .map_or_else(|| format!("number {number}"), |(name, _)| (*name).to_owned())
 }
 
 /// The number of a model that is written.
 pub fn model_number(name: &str) -> i32 {
-    NAMES.iter().position(|&known| known == name).map_or(-1, |number| number as i32)
+    MODELS.iter().position(|&(known, _)| known == name).map_or(-1, |number| number as i32)
 }
 
-/// Number of parameters of a supported model.
+/// Number of parameters of a model, whether it is supported or not.
 pub fn parameter_count(model: &str) -> Result<usize, String> {
-    match model {
-        "SIMPLE_PINHOLE" => Ok(3),
-        "PINHOLE" | "SIMPLE_RADIAL" => Ok(4),
-        "RADIAL" => Ok(5),
-        "OPENCV" | "OPENCV_FISHEYE" => Ok(8),
-        "FULL_OPENCV" | "THIN_PRISM_FISHEYE" => Ok(12),
-        _ => Err(format!("camera model {model} is not supported; undistort the pictures or use one of {SUPPORTED}")),
-    }
+    let known = MODELS.iter().find(|(name, _)| *name == model);
+    known.map(|&(_, count)| count).ok_or_else(|| unsupported(model))
+}
+
+fn unsupported(model: &str) -> String {
+    format!("camera model {model} is not supported; undistort the images or use one of {}", SUPPORTED.join(", "))
 }
 
 /// Intrinsics from a model's name, size and parameters in COLMAP's order.
 pub fn intrinsics(model: &str, size: [u64; 2], p: &[f64]) -> Result<GivenIntrinsics, String> {
+    if !SUPPORTED.contains(&model) {
+        return Err(unsupported(model));
+    }
     let count = parameter_count(model)?;
     if p.len() != count {
         return Err(format!("a {model} camera has {count} parameters, not {}; check that the file is whole", p.len()));
@@ -56,8 +72,15 @@ pub fn intrinsics(model: &str, size: [u64; 2], p: &[f64]) -> Result<GivenIntrins
     if p.iter().any(|v| !v.is_finite()) {
         return Err("a camera parameter is not a finite number; remove or repair it".into());
     }
-    let side = |side: u64| u32::try_from(side).ok().filter(|&s| s > 0).ok_or("a camera has no possible picture size");
-    let size = [side(size[0])?, side(size[1])?];
+    let side = |side: u64| u32::try_from(side).ok().filter(|&side| (1..=Camera::MAX_SIDE).contains(&side));
+    let Some(size) = side(size[0]).zip(side(size[1])).map(|(width, height)| [width, height]) else {
+        return Err(format!(
+            "an image size of {} × {} pixels is not possible for a camera; sides are 1 to {}",
+            size[0],
+            size[1],
+            Camera::MAX_SIDE
+        ));
+    };
     let single = matches!(model, "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL");
     let (focal, rest) = if single { ([p[0], p[0]], &p[1..]) } else { ([p[0], p[1]], &p[2..]) };
     let (principal, d) = (DVec2::new(rest[0], rest[1]), &rest[2..]);

@@ -14,21 +14,25 @@ pub fn read(folder: &Path) -> Result<Vec<GivenCamera>, FrameError> {
     read_images(&TextFile::read(&folder.join("images.txt"))?, &cameras)
 }
 
-fn read_cameras(file: &TextFile) -> Result<BTreeMap<u32, GivenIntrinsics>, FrameError> {
+/// Cameras by number. One that cannot be used is an error only where an image has it.
+fn read_cameras(file: &TextFile) -> Result<BTreeMap<u32, Result<GivenIntrinsics, String>>, FrameError> {
     file.content().map(|line| read_camera(line)).collect()
 }
 
-fn read_camera(line: Line<'_>) -> Result<(u32, GivenIntrinsics), FrameError> {
+fn read_camera(line: Line<'_>) -> Result<(u32, Result<GivenIntrinsics, String>), FrameError> {
     let mut words = line.words();
     let id = line.parse(words.next())?;
     let model: String = line.parse(words.next())?;
     let size = [line.parse(words.next())?, line.parse(words.next())?];
     let parameters: Vec<f64> = words.map(|word| line.parse(Some(word))).collect::<Result<_, _>>()?;
-    Ok((id, intrinsics(&model, size, &parameters).map_err(|what| line.error(&what))?))
+    Ok((id, intrinsics(&model, size, &parameters).map_err(|what| format!("cameras.txt: {}", line.fault(&what)))))
 }
 
 /// Two lines an image: the second lists its 2-D points and may be empty.
-fn read_images(file: &TextFile, cameras: &BTreeMap<u32, GivenIntrinsics>) -> Result<Vec<GivenCamera>, FrameError> {
+fn read_images(
+    file: &TextFile,
+    cameras: &BTreeMap<u32, Result<GivenIntrinsics, String>>,
+) -> Result<Vec<GivenCamera>, FrameError> {
     let mut images = Vec::new();
     let mut lines = file.lines();
     while let Some(line) = lines.next() {
@@ -43,7 +47,10 @@ fn read_images(file: &TextFile, cameras: &BTreeMap<u32, GivenIntrinsics>) -> Res
     Ok(images)
 }
 
-fn read_image(line: Line<'_>, cameras: &BTreeMap<u32, GivenIntrinsics>) -> Result<GivenCamera, FrameError> {
+fn read_image(
+    line: Line<'_>,
+    cameras: &BTreeMap<u32, Result<GivenIntrinsics, String>>,
+) -> Result<GivenCamera, FrameError> {
     let mut words = line.words();
     let _id: u32 = line.parse(words.next())?;
     let mut v = [0.0f64; 7];
@@ -53,11 +60,11 @@ fn read_image(line: Line<'_>, cameras: &BTreeMap<u32, GivenIntrinsics>) -> Resul
     let camera: u32 = line.parse(words.next())?;
     let name = name_after(line.text, 9).ok_or_else(|| line.error("an image has no name"))?;
     let pose = pose_from_quaternion([v[1], v[2], v[3], v[0]], DVec3::new(v[4], v[5], v[6]))
-        .map_err(|error| line.error(&format!("{name}: {error}")))?;
+        .map_err(|error| line.fault(&format!("{name}: {error}")));
     let given = cameras
         .get(&camera)
         .ok_or_else(|| line.error(&format!("{name} has camera {camera}, which cameras.txt does not hold")))?;
-    Ok(GivenCamera { key: CameraKey::Name(name.to_owned()), intrinsics: Some(*given), camera_from_world: pose })
+    Ok(GivenCamera::with_intrinsics(CameraKey::Name(name.to_owned()), given, pose))
 }
 
 /// The rest of a line after `count` words: a name, which may hold spaces.

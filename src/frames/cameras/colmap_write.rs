@@ -33,9 +33,9 @@ pub fn write_colmap_model(
     sparse: &SparsePoints,
     encoding: ModelEncoding,
 ) -> Result<(), FrameError> {
-    std::fs::create_dir_all(folder).map_err(|source| FrameError::Io { path: folder.to_owned(), source })?;
+    std::fs::create_dir_all(folder).map_err(|reason| FrameError::Io { path: folder.to_owned(), reason })?;
     let model = ModelOut::new(frames, sparse)
-        .map_err(|(name, source)| FrameError::Geometry { path: folder.join(name), source })?;
+        .map_err(|(name, reason)| FrameError::Geometry { path: folder.join(name), reason })?;
     let (ending, files) = match encoding {
         ModelEncoding::Text => (
             "txt",
@@ -47,7 +47,7 @@ pub fn write_colmap_model(
     };
     for (name, bytes) in ["cameras", "images", "points3D"].into_iter().zip(files) {
         let path = folder.join(format!("{name}.{ending}"));
-        disk::write(&path, &bytes).map_err(|source| FrameError::Io { path, source })?;
+        disk::write(&path, &bytes).map_err(|reason| FrameError::Io { path, reason })?;
     }
     Ok(())
 }

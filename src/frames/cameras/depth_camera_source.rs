@@ -33,7 +33,7 @@ impl DepthCameraSource {
     pub fn read(&self) -> Result<GivenDepthCamera, FrameError> {
         let picture_from_depth = match &self.pose {
             Some(path) => pose_files::read_one(path)?
-                .ok_or_else(|| invalid(path, "holds no pose but infinities; check the file"))?,
+                .map_err(|reason| invalid(path, format!("holds no pose ({reason}); check the file")))?,
             None => Pose::IDENTITY,
         };
         Ok(GivenDepthCamera { intrinsics: self.intrinsics.read()?, picture_from_depth })

@@ -69,7 +69,7 @@ fn file_name(path: &Path) -> std::borrow::Cow<'_, str> {
 
 /// The `.txt` files of a folder in order of name.
 fn text_files(folder: &Path) -> Result<Vec<PathBuf>, FrameError> {
-    let failed = |source| FrameError::Io { path: folder.to_owned(), source };
+    let failed = |reason| FrameError::Io { path: folder.to_owned(), reason };
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();

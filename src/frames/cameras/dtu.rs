@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::lines::{TextFile, invalid};
+use super::lines::TextFile;
 use super::{CameraKey, GivenCamera, GivenIntrinsics};
 use crate::frames::FrameError;
 use crate::geometry::Pose;
@@ -26,8 +26,12 @@ pub fn read(files: &[PathBuf]) -> Result<Vec<GivenCamera>, FrameError> {
 
 fn read_file(path: &Path, number: u64) -> Result<GivenCamera, FrameError> {
     let rows: [f64; 12] = TextFile::read(path)?.numbers()?;
-    let (intrinsics, pose) = decompose(&rows).map_err(|what| invalid(path, what))?;
-    Ok(GivenCamera { key: CameraKey::Index(number), intrinsics: Some(intrinsics), camera_from_world: pose })
+    let name = path.file_name().unwrap_or_default().display();
+    let (intrinsics, pose) = match decompose(&rows) {
+        Ok((intrinsics, pose)) => (Some(intrinsics), Ok(pose)),
+        Err(what) => (None, Err(format!("{name}: {what}"))),
+    };
+    Ok(GivenCamera { key: CameraKey::Index(number), intrinsics, camera_from_world: pose })
 }
 
 /// `P = K [R t]` up to scale, taken apart by an RQ decomposition of its left 3×3 part, from the last row up.

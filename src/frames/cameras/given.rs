@@ -45,8 +45,9 @@ pub struct GivenCamera {
     pub key: CameraKey,
     /// `None` where the format holds poses only.
     pub intrinsics: Option<GivenIntrinsics>,
-    /// Pose of the camera of the stored picture.
-    pub camera_from_world: Pose,
+    /// Pose of the camera of the stored image, or why it has none: programs write NaN, infinities or zeros for frames that
+    /// they lost.
+    pub camera_from_world: Result<Pose, String>,
 }
 
 /// All cameras of a file or folder.
@@ -59,19 +60,40 @@ pub struct GivenCameras {
 }
 
 impl GivenCameras {
-    /// Whether every camera has intrinsics; where not, give them to the frames first ([`super::attach_intrinsics`]).
+    /// Whether every camera with a pose has intrinsics; where not, give them to the frames first ([`super::attach_intrinsics`]).
     #[must_use]
     pub fn have_intrinsics(&self) -> bool {
-        self.cameras.iter().all(|camera| camera.intrinsics.is_some())
+        let posed = |camera: &&GivenCamera| camera.camera_from_world.is_ok();
+        self.cameras.iter().filter(posed).all(|camera| camera.intrinsics.is_some())
     }
 
-    /// A camera per item; an error for none at all.
+    /// A camera per item; an error where none of them has a pose.
     pub(super) fn new(path: PathBuf, cameras: Vec<GivenCamera>) -> Result<Self, FrameError> {
         if cameras.is_empty() {
             let what = "holds no cameras; give a file of cameras that were found".into();
             return Err(FrameError::Invalid { path, what });
         }
+        if cameras.iter().all(|camera| camera.camera_from_world.is_err())
+            && let Some(Err(reason)) = cameras.first().map(|camera| &camera.camera_from_world)
+        {
+            let what = format!("holds no cameras with a pose ({reason}); give a file of cameras that were found");
+            return Err(FrameError::Invalid { path, what });
+        }
         Ok(Self { path, cameras })
+    }
+}
+
+impl GivenCamera {
+    /// A camera whose intrinsics are given, or a reason why they cannot be used; then it has no pose either.
+    pub(super) fn with_intrinsics(
+        key: CameraKey,
+        intrinsics: &Result<GivenIntrinsics, String>,
+        pose: Result<Pose, String>,
+    ) -> Self {
+        match intrinsics {
+            Ok(intrinsics) => Self { key, intrinsics: Some(*intrinsics), camera_from_world: pose },
+            Err(reason) => Self { key, intrinsics: None, camera_from_world: Err(reason.clone()) },
+        }
     }
 }
 

@@ -3,6 +3,7 @@ use std::str::FromStr;
 
 use glam::{DMat3, DQuat, DVec3};
 
+use crate::engine::disk;
 use crate::frames::FrameError;
 use crate::geometry::{GeometryError, Pose};
 
@@ -23,7 +24,7 @@ pub struct Line<'a> {
 
 /// Reads a whole file.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>, FrameError> {
-    std::fs::read(path).map_err(|source| FrameError::Io { path: path.to_owned(), source })
+    disk::read_regular(path).map_err(|reason| FrameError::Io { path: path.to_owned(), reason })
 }
 
 /// A [`FrameError::Invalid`] for `path`.
@@ -33,9 +34,12 @@ pub fn invalid(path: &Path, what: impl Into<String>) -> FrameError {
 
 impl TextFile {
     pub fn read(path: &Path) -> Result<Self, FrameError> {
-        let bytes = read_bytes(path)?;
-        let text =
-            String::from_utf8(bytes).map_err(|_| invalid(path, "is not a text file; check which file was given"))?;
+        let text = disk::read_text(path).map_err(|reason| match reason.kind() {
+            std::io::ErrorKind::InvalidData => {
+                invalid(path, format!("is not a text file ({reason}); check which file was given"))
+            }
+            _ => FrameError::Io { path: path.to_owned(), reason },
+        })?;
         Ok(Self { path: path.to_owned(), text })
     }
 
@@ -72,7 +76,12 @@ impl<'a> Line<'a> {
     }
 
     pub fn error(&self, what: &str) -> FrameError {
-        invalid(self.path, format!("line {}: {what}", self.number))
+        invalid(self.path, self.fault(what))
+    }
+
+    /// What is wrong with this line, without the file's name.
+    pub fn fault(&self, what: &str) -> String {
+        format!("line {}: {what}", self.number)
     }
 
     /// Reads one word of the line.

@@ -28,24 +28,46 @@ impl GivenCameras {
         let mut cameras = Vec::with_capacity(frames.len());
         for (frame, camera) in frames.iter().zip(&assigned) {
             let given = camera.map(|i| &self.cameras[i]);
-            let shown = given.map(|c| shown_camera(frame, c.intrinsics.as_ref(), Some(&c.camera_from_world)));
+            let posed = given.and_then(|camera| Some((camera, camera.camera_from_world.as_ref().ok()?)));
+            let shown = posed.map(|(camera, pose)| shown_camera(frame, camera.intrinsics.as_ref(), Some(pose)));
             cameras.push(shown.transpose()?);
         }
-        let missing: Vec<&str> =
-            frames.iter().zip(&cameras).filter(|(_, c)| c.is_none()).map(|(f, _)| f.name.as_str()).collect();
-        let warnings = self.warn_of(&missing, frames.len());
+        if cameras.iter().all(Option::is_none) && !frames.is_empty() {
+            return Err(invalid(&self.path, "no frame has a camera with a pose; give the cameras of these images"));
+        }
+        let warnings = self.warn_of(frames, &assigned);
         for (frame, camera) in frames.iter_mut().zip(cameras) {
             frame.camera = camera.or(frame.camera);
         }
         Ok(warnings)
     }
 
-    fn warn_of(&self, missing: &[&str], count: usize) -> Vec<String> {
-        if missing.is_empty() {
-            return Vec::new();
+    /// Lines that name the frames without a camera, and those whose camera has no usable pose or intrinsics.
+    fn warn_of(&self, frames: &[Frame], assigned: &[Option<usize>]) -> Vec<String> {
+        let (mut missing, mut unusable, mut first_reason) = (Vec::new(), Vec::new(), None);
+        for (frame, camera) in frames.iter().zip(assigned) {
+            match camera.map(|i| &self.cameras[i].camera_from_world) {
+                None => missing.push(frame.name.as_str()),
+                Some(Err(reason)) => {
+                    unusable.push(frame.name.as_str());
+                    first_reason.get_or_insert(reason);
+                }
+                Some(Ok(_)) => {}
+            }
         }
-        let names = listed(missing.iter().copied());
-        vec![format!("{} of {count} frames have no camera in {}: {names}", missing.len(), self.path.display())]
+        let (count, path) = (frames.len(), self.path.display());
+        let mut warnings = Vec::new();
+        if !missing.is_empty() {
+            let names = listed(missing.iter());
+            warnings.push(format!("{} of {count} frames have no camera in {path}: {names}", missing.len()));
+        }
+        if let Some(reason) = first_reason {
+            let (number, names) = (unusable.len(), listed(unusable.iter()));
+            warnings.push(format!(
+                "{number} of {count} frames have no usable camera in {path} and are left without one: {names} ({reason})"
+            ));
+        }
+        warnings
     }
 
     /// For each frame the index of its camera.

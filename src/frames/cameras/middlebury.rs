@@ -28,7 +28,7 @@ fn read_line(line: Line<'_>) -> Result<GivenCamera, FrameError> {
     if k[1].abs() > super::dtu::LARGEST_SKEW * k[0].abs() {
         return Err(line.error("the camera is skewed, which no camera model here is; undistort the pictures"));
     }
-    let pose = Pose::from_matrix(DMat3::from_cols_slice(r).transpose(), t).map_err(|e| line.error(&e.to_string()))?;
+    let pose = Pose::from_matrix(DMat3::from_cols_slice(r).transpose(), t).map_err(|e| line.fault(&e.to_string()));
     let half = DVec2::splat(0.5);
     let intrinsics = GivenIntrinsics::pinhole(DVec2::new(k[0], k[4]), DVec2::new(k[2], k[5]) + half);
     Ok(GivenCamera { key: CameraKey::Name(name.to_owned()), intrinsics: Some(intrinsics), camera_from_world: pose })

@@ -6,27 +6,26 @@ use crate::frames::FrameError;
 use crate::geometry::Pose;
 
 /// One 4×4 matrix a file, camera-to-world, as in 7-Scenes (`frame-000123.pose.txt`) and ScanNet (`pose/123.txt`): the
-/// file's name is the picture's. A matrix of infinities, which ScanNet has for frames that were lost, is no camera.
+/// file's name is the picture's. ScanNet writes infinities for frames that were lost, others write NaN or zeros.
 pub fn read(files: &[PathBuf]) -> Result<Vec<GivenCamera>, FrameError> {
     let mut cameras = Vec::with_capacity(files.len());
     for path in files {
-        let Some(pose) = read_one(path)? else { continue };
+        let pose = read_one(path)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let name = name.strip_suffix(".txt").unwrap_or(&name);
         let key = CameraKey::Name(name.strip_suffix(".pose").unwrap_or(name).to_owned());
-        cameras.push(GivenCamera { key, intrinsics: None, camera_from_world: pose.inverse() });
+        cameras.push(GivenCamera { key, intrinsics: None, camera_from_world: pose.map(|pose| pose.inverse()) });
     }
     Ok(cameras)
 }
 
-/// The pose that a file's 4 × 4 matrix is; `None` for one of infinities.
-pub(super) fn read_one(path: &Path) -> Result<Option<Pose>, FrameError> {
+/// The pose in a file's 4 × 4 matrix, or why the matrix is not a pose.
+pub(super) fn read_one(path: &Path) -> Result<Result<Pose, String>, FrameError> {
     let rows: [f64; 16] = TextFile::read(path)?.numbers()?;
-    if rows.iter().any(|number| number.is_infinite()) {
-        return Ok(None);
-    }
-    if (0..4).any(|column| (rows[12 + column] - f64::from(u8::from(column == 3))).abs() > 1e-6) {
+    let in_file = |reason: String| format!("{}: {reason}", path.file_name().unwrap_or_default().display());
+    let is_pose = rows.iter().all(|number| number.is_finite()) && rows.iter().any(|&number| number != 0.0);
+    if is_pose && (0..4).any(|column| (rows[12 + column] - f64::from(u8::from(column == 3))).abs() > 1e-6) {
         return Err(invalid(path, "the last row of its matrix is not 0 0 0 1; write it row by row"));
     }
-    pose_from_rows(&rows).map(Some).map_err(|source| FrameError::Geometry { path: path.into(), source })
+    Ok(pose_from_rows(&rows).map_err(|error| in_file(error.to_string())))
 }

@@ -20,8 +20,9 @@ pub fn read(file: &TextFile) -> Result<Vec<GivenCamera>, FrameError> {
             let next = lines.next().ok_or_else(|| line.error("the matrix is cut off; check that the file is whole"))?;
             row.copy_from_slice(&next.array::<4>()?);
         }
-        let pose = pose_from_rows(&rows).map_err(|error| line.error(&error.to_string()))?;
-        cameras.push(GivenCamera { key: CameraKey::Index(index), intrinsics: None, camera_from_world: pose.inverse() });
+        let pose = pose_from_rows(&rows).map_err(|error| line.fault(&error.to_string()));
+        let camera_from_world = pose.map(|pose| pose.inverse());
+        cameras.push(GivenCamera { key: CameraKey::Index(index), intrinsics: None, camera_from_world });
     }
     Ok(cameras)
 }

@@ -2,6 +2,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 use serde::Deserialize;
+use serde_json::Value;
 
 use super::lines::{TextFile, invalid, pose_from_rows};
 use super::{CameraKey, Focal, GivenCamera, GivenIntrinsics};
@@ -19,7 +20,7 @@ struct Transforms {
 #[derive(Debug, Deserialize)]
 struct TransformsFrame {
     file_path: String,
-    transform_matrix: Vec<Vec<f64>>,
+    transform_matrix: Vec<Vec<Number>>,
     #[serde(flatten)]
     lens: Lens,
 }
@@ -27,27 +28,66 @@ struct TransformsFrame {
 /// Intrinsics, for all frames or for one of them.
 #[derive(Debug, Clone, Default, Deserialize)]
 struct Lens {
-    w: Option<f64>,
-    h: Option<f64>,
-    fl_x: Option<f64>,
-    fl_y: Option<f64>,
-    cx: Option<f64>,
-    cy: Option<f64>,
-    camera_angle_x: Option<f64>,
-    k1: Option<f64>,
-    k2: Option<f64>,
-    k3: Option<f64>,
-    k4: Option<f64>,
-    p1: Option<f64>,
-    p2: Option<f64>,
+    w: Option<Number>,
+    h: Option<Number>,
+    fl_x: Option<Number>,
+    fl_y: Option<Number>,
+    cx: Option<Number>,
+    cy: Option<Number>,
+    camera_angle_x: Option<Number>,
+    k1: Option<Number>,
+    k2: Option<Number>,
+    k3: Option<Number>,
+    k4: Option<Number>,
+    p1: Option<Number>,
+    p2: Option<Number>,
     camera_model: Option<String>,
     is_fisheye: Option<bool>,
+}
+
+/// A number, or a number written as a string; `NaN` and `Infinity` are numbers too.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(try_from = "Value")]
+struct Number(f64);
+
+impl TryFrom<Value> for Number {
+    type Error = String;
+
+    fn try_from(value: Value) -> Result<Self, String> {
+        let number = match &value {
+            Value::String(text) => text.trim().parse().ok(),
+            value => value.as_f64(),
+        };
+        number.map(Self).ok_or_else(|| format!("{value} is not a number"))
+    }
+}
+
+/// Puts quotes around `NaN`, `Infinity` and `-Infinity`: Python writes them into JSON, which has no such numbers.
+fn with_quoted_numbers(json: &str) -> String {
+    let mut quoted = String::with_capacity(json.len());
+    let (mut rest, mut in_string) = (json, false);
+    while let Some(first) = rest.chars().next() {
+        let token = ["NaN", "-Infinity", "Infinity"].iter().find(|token| !in_string && rest.starts_with(**token));
+        let length = match (token, first) {
+            (Some(token), _) => token.len(),
+            (None, '\\') if in_string => 1 + rest.chars().nth(1).map_or(0, char::len_utf8),
+            _ => first.len_utf8(),
+        };
+        in_string ^= first == '"';
+        let (taken, after) = rest.split_at(length);
+        match token {
+            Some(_) => quoted.extend(["\"", taken, "\""]),
+            None => quoted.push_str(taken),
+        }
+        rest = after;
+    }
+    quoted
 }
 
 /// Reads a `transforms.json`.
 pub fn read(path: &Path) -> Result<Vec<GivenCamera>, FrameError> {
     let file = TextFile::read(path)?;
-    let transforms: Transforms = serde_json::from_str(&file.text)
+    let transforms: Transforms = serde_json::from_str(&with_quoted_numbers(&file.text))
         .map_err(|error| invalid(path, format!("is no transforms.json that can be read ({error}); check the file")))?;
     let one = |frame: &TransformsFrame| {
         read_frame(frame, &transforms.lens).map_err(|what| invalid(path, format!("{}: {what}", frame.file_path)))
@@ -55,12 +95,16 @@ pub fn read(path: &Path) -> Result<Vec<GivenCamera>, FrameError> {
     transforms.frames.iter().map(one).collect()
 }
 
+fn number_or_zero(number: Option<Number>) -> f64 {
+    number.map_or(0.0, |Number(number)| number)
+}
+
 fn read_frame(frame: &TransformsFrame, shared: &Lens) -> Result<GivenCamera, String> {
-    let rows: Vec<f64> = frame.transform_matrix.concat();
+    let rows: Vec<f64> = frame.transform_matrix.concat().into_iter().map(|Number(number)| number).collect();
     if frame.transform_matrix.iter().any(|row| row.len() != 4) || !matches!(rows.len(), 12 | 16) {
         return Err("its transform_matrix is not 4x4; check the file".into());
     }
-    let pose = pose_from_opengl(&rows).map_err(|error| error.to_string())?;
+    let pose = pose_from_opengl(&rows).map_err(|error| format!("{}: {error}", frame.file_path));
     let name = frame.file_path.replace('\\', "/");
     let key = CameraKey::Name(name.trim_start_matches("./").to_owned());
     Ok(GivenCamera { key, intrinsics: frame.lens.or(shared).intrinsics()?, camera_from_world: pose })
@@ -98,18 +142,18 @@ impl Lens {
     /// `None` where no focal length is given.
     fn intrinsics(&self) -> Result<Option<GivenIntrinsics>, String> {
         let focal = match (self.fl_x, self.camera_angle_x) {
-            (Some(fx), _) => Focal::Pixels(DVec2::new(fx, self.fl_y.unwrap_or(fx))),
-            (None, Some(angle)) => Focal::AngleX(angle),
+            (Some(fx), _) => Focal::Pixels(DVec2::new(fx.0, self.fl_y.unwrap_or(fx).0)),
+            (None, Some(angle)) => Focal::AngleX(angle.0),
             (None, None) => return Ok(None),
         };
-        let size = self.w.zip(self.h).map(|(w, h)| [w as u32, h as u32]);
-        let principal_px = self.cx.zip(self.cy).map(|(cx, cy)| DVec2::new(cx, cy));
+        let size = self.w.zip(self.h).map(|(w, h)| [w.0 as u32, h.0 as u32]);
+        let principal_px = self.cx.zip(self.cy).map(|(cx, cy)| DVec2::new(cx.0, cy.0));
         Ok(Some(GivenIntrinsics { size, focal, principal_px, distortion: self.distortion()? }))
     }
 
     fn distortion(&self) -> Result<Distortion, String> {
-        let k = [self.k1, self.k2, self.k3, self.k4].map(Option::unwrap_or_default);
-        let p = [self.p1, self.p2].map(Option::unwrap_or_default);
+        let k = [self.k1, self.k2, self.k3, self.k4].map(number_or_zero);
+        let p = [self.p1, self.p2].map(number_or_zero);
         if k.iter().chain(&p).any(|v| !v.is_finite()) {
             return Err("a distortion parameter is not a finite number; remove or repair it".into());
         }

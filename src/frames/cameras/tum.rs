@@ -10,11 +10,15 @@ pub fn read(file: &TextFile) -> Result<Vec<GivenCamera>, FrameError> {
     for line in file.content() {
         let [time, tx, ty, tz, qx, qy, qz, qw] = line.array()?;
         let pose = pose_from_quaternion([qx, qy, qz, qw], DVec3::new(tx, ty, tz))
-            .map_err(|error| line.error(&error.to_string()))?;
+            .map_err(|error| line.fault(&error.to_string()));
         if !time.is_finite() {
             return Err(line.error("the time is not a finite number; remove or repair the line"));
         }
-        cameras.push(GivenCamera { key: CameraKey::Time(time), intrinsics: None, camera_from_world: pose.inverse() });
+        cameras.push(GivenCamera {
+            key: CameraKey::Time(time),
+            intrinsics: None,
+            camera_from_world: pose.map(|pose| pose.inverse()),
+        });
     }
     Ok(cameras)
 }

@@ -12,8 +12,8 @@ use crate::frames::{Frame, FrameError};
 /// Lists the sources, pairs depth, reads the headers (in parallel) and names the frames.
 ///
 /// # Errors
-/// [`FrameError`] when a source is missing or empty, a header is damaged, no depth fits or a depth has another size
-/// than its picture and no camera of its own, no frame is left by `every`, `from` and `to`, or the user stopped it.
+/// [`FrameError`] when a source is missing or empty, no image or no depth can be read (where some can, the others are named
+/// in warnings), no depth fits, no frame is left by `every`, `from` and `to`, or the user stopped it.
 pub fn open(request: &OpenRequest, progress: &Progress) -> Result<Opened, FrameError> {
     open_more(&[], request, progress)
 }
@@ -28,6 +28,7 @@ pub fn open_more(existing: &[Frame], request: &OpenRequest, progress: &Progress)
     progress.stage("open")?;
     let sensor = Sensor {
         unit: request.depth_unit,
+        float_unit: request.float_depth_unit,
         camera: request.depth_camera.as_ref().map(DepthCameraSource::read).transpose()?,
     };
     let mut listing = Listing { sensor: &sensor, progress, warnings: Vec::new() };
@@ -47,8 +48,8 @@ fn check(request: &OpenRequest) -> Result<(), FrameError> {
     if request.every == 0 {
         return Err(FrameError::NotFound("every 0th frame is none; give 1 or more".into()));
     }
-    let unit = request.depth_unit;
-    if !(unit.is_finite() && unit > 0.0) {
+    let units = [request.depth_unit, request.float_depth_unit];
+    if let Some(unit) = units.into_iter().find(|unit| !(unit.is_finite() && *unit > 0.0)) {
         let what = format!("a depth unit of {unit} cannot be; give metres per step, e.g. 0.001");
         return Err(FrameError::NotFound(what));
     }

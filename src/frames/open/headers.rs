@@ -7,7 +7,7 @@ use super::source::{Item, Origin};
 use crate::engine::job::Progress;
 use crate::frames::cameras::GivenDepthCamera;
 use crate::frames::decode::not_depth;
-use crate::frames::header::{Header, read_header};
+use crate::frames::header::{Content, Header, check_complete, read_header};
 use crate::frames::{DepthSource, Frame, FrameError, Orientation, PictureSource};
 use crate::geometry::{GeometryError, Turn};
 
@@ -16,13 +16,28 @@ const NAMED: usize = 3;
 
 /// What is known of the depths of all sources.
 pub(super) struct Sensor {
-    /// World units per step of the stored value.
+    /// World units per step of a stored integer.
     pub unit: f64,
+    /// World units per unit of a stored float.
+    pub float_unit: f64,
     /// The camera that measured them; `None` = the pictures'.
     pub camera: Option<GivenDepthCamera>,
 }
 
-/// Makes frames of listed pictures from their headers, read in parallel; warnings tell what looks odd.
+/// A frame, and what of it could not be read.
+struct Read {
+    frame: Frame,
+    content: Content,
+    has_float_depth: bool,
+    /// Why its image cannot be read. Its size is the real one only where the header could be read.
+    problem: Option<FrameError>,
+    has_size: bool,
+    /// Why its depth cannot be read; it has none then.
+    depth_problem: Option<FrameError>,
+}
+
+/// Makes frames of listed images from their headers, read in parallel; warnings name what looks odd. Where some images or
+/// depths can be read, the others are named in a warning: an image that is damaged keeps its place among the frames.
 pub(super) fn read_frames(
     items: &[Item],
     sensor: &Sensor,
@@ -33,28 +48,78 @@ pub(super) fn read_frames(
         progress.step(done.fetch_add(1, Ordering::Relaxed), items.len())?;
         frame_of(item, sensor)
     });
-    let read: Vec<Result<(Frame, bool), FrameError>> = read.collect(); // so that the first error is always the same
-    let read: Vec<(Frame, bool)> = read.into_iter().collect::<Result<_, _>>()?;
-    let warnings = [warn_of_missing_depth(&read), warn_of_depth_as_pictures(&read)].into_iter().flatten().collect();
-    Ok((read.into_iter().map(|(frame, _)| frame).collect(), warnings))
+    let read: Vec<Result<Read, FrameError>> = read.collect(); // so that the first error is always the same
+    let mut read: Vec<Read> = read.into_iter().collect::<Result<_, _>>()?;
+    if read.iter().all(|read| read.problem.is_some())
+        && let Some(error) = read.iter_mut().find_map(|read| read.problem.take())
+    {
+        return Err(error);
+    }
+    let with_depth = |read: &Read| read.frame.depth.is_some();
+    if !read.iter().any(with_depth)
+        && let Some(error) = read.iter_mut().find_map(|read| read.depth_problem.take())
+    {
+        return Err(error);
+    }
+    give_sizes(&mut read);
+    let warnings = [
+        warn_of_problems(&read),
+        warn_of_missing_depth(&read),
+        warn_of_float_depth(&read, sensor),
+        warn_of_depth_as_pictures(&read),
+        warn_of_alpha(&read),
+    ];
+    Ok((read.into_iter().map(|read| read.frame).collect(), warnings.into_iter().flatten().collect()))
 }
 
-/// A frame and whether its picture is one channel of 16 bits.
-fn frame_of(item: &Item, sensor: &Sensor) -> Result<(Frame, bool), FrameError> {
-    let (picture, header) = match &item.origin {
+/// Gives frames whose header cannot be read the size of the frame before them, else of the first that has one.
+fn give_sizes(read: &mut [Read]) {
+    let size_of = |read: &Read| read.has_size.then_some((read.frame.width, read.frame.height));
+    let mut size = read.iter().find_map(size_of).unwrap_or((1, 1));
+    for one in read {
+        size = size_of(one).unwrap_or(size);
+        (one.frame.width, one.frame.height) = size;
+    }
+}
+
+fn frame_of(item: &Item, sensor: &Sensor) -> Result<Read, FrameError> {
+    let (picture, header, problem) = match &item.origin {
         Origin::File(path) => {
-            let header = read_header(path)?;
-            (PictureSource::File { path: path.clone(), orientation: header.orientation }, header)
+            let (header, problem) = match read_header(path) {
+                Ok(header) if header.is_only_depth() => (Some(header), Some(only_depth(path))),
+                Ok(header) => (Some(header), check_complete(path).err()),
+                Err(stopped @ FrameError::Stopped(_)) => return Err(stopped),
+                Err(error) => (None, Some(error)),
+            };
+            let orientation = header.map_or_else(Orientation::default, |header| header.orientation);
+            (PictureSource::File { path: path.clone(), orientation }, header, problem)
         }
         Origin::Film(source, (width, height)) => {
             let orientation = Orientation::default();
-            (source.clone(), Header { width: *width, height: *height, orientation, grey16: false })
+            let header = Header { width: *width, height: *height, orientation, content: Content::Color };
+            (source.clone(), Some(header), None)
         }
     };
-    let orientation = header.orientation;
-    let (width, height) = orientation.shown_size(header.width, header.height);
-    let depth = item.depth.as_ref().map(|path| sensor.depth(path, picture.path(), header)).transpose()?;
-    Ok((Frame { name: item.name.clone(), width, height, picture, depth, camera: None }, header.grey16))
+    let (mut depth_problem, mut depth, mut has_float_depth) = (None, None, false);
+    // Depth of an image whose size is not known cannot be checked.
+    if let (Some(path), Some(header)) = (&item.depth, header) {
+        match sensor.depth(path, picture.path(), header) {
+            Ok((source, is_float)) => (depth, has_float_depth) = (Some(source), is_float),
+            Err(error) => depth_problem = Some(error),
+        }
+    }
+    let has_size = header.is_some();
+    let header =
+        header.unwrap_or(Header { width: 1, height: 1, orientation: Orientation::default(), content: Content::Color });
+    let (width, height) = header.orientation.shown_size(header.width, header.height);
+    let frame = Frame { name: item.name.clone(), width, height, picture, depth, camera: None };
+    Ok(Read { frame, content: header.content, has_float_depth, problem, has_size, depth_problem })
+}
+
+fn only_depth(path: &Path) -> FrameError {
+    let what = "one channel of floats or of large integers is depth, not an image; give it with --depth, or convert it \
+                to grey of 8 or 16 bits";
+    FrameError::Invalid { path: path.into(), what: what.into() }
 }
 
 impl Sensor {
@@ -67,12 +132,13 @@ impl Sensor {
         Ok(())
     }
 
-    /// A picture's depth, judged by its header.
-    fn depth(&self, path: &Path, picture_path: &Path, picture: Header) -> Result<DepthSource, FrameError> {
+    /// An image's depth, judged by its header, and whether it is of floats.
+    fn depth(&self, path: &Path, picture_path: &Path, picture: Header) -> Result<(DepthSource, bool), FrameError> {
         let depth = read_header(path)?;
-        if !depth.grey16 {
+        if !depth.is_depth() {
             return Err(not_depth(path));
         }
+        check_complete(path)?;
         let invalid = |what: String| FrameError::Invalid { path: path.into(), what };
         let (size, of_picture) = ((depth.width, depth.height), (picture.width, picture.height));
         let camera = match &self.camera {
@@ -97,25 +163,67 @@ impl Sensor {
                 )));
             }
         };
-        Ok(DepthSource::Sensor { path: path.into(), unit: self.unit, orientation: picture.orientation, camera })
+        let is_float = depth.content == Content::FloatDepth;
+        let unit = if is_float { self.float_unit } else { self.unit };
+        Ok((DepthSource::Sensor { path: path.into(), unit, orientation: picture.orientation, camera }, is_float))
     }
 }
 
-fn warn_of_missing_depth(read: &[(Frame, bool)]) -> Option<String> {
-    let without: Vec<&Frame> = read.iter().map(|(frame, _)| frame).filter(|frame| frame.depth.is_none()).collect();
+fn warn_of_problems(read: &[Read]) -> Option<String> {
+    let reasons = |problems: &[&FrameError]| {
+        let more = problems.len().saturating_sub(NAMED);
+        let more = if more > 0 { format!("; and {more} more") } else { String::new() };
+        let first: Vec<String> = problems.iter().take(NAMED).map(ToString::to_string).collect();
+        format!("{}{more}", first.join("; "))
+    };
+    let images: Vec<&FrameError> = read.iter().filter_map(|read| read.problem.as_ref()).collect();
+    let depths: Vec<&FrameError> = read.iter().filter_map(|read| read.depth_problem.as_ref()).collect();
+    let images = (!images.is_empty()).then(|| {
+        let (count, all) = (images.len(), read.len());
+        format!("{count} of {all} images cannot be read and are shown as grey tiles: {}", reasons(&images))
+    });
+    let depths = (!depths.is_empty())
+        .then(|| format!("{} depths cannot be used; their frames have none: {}", depths.len(), reasons(&depths)));
+    let lines: Vec<String> = images.into_iter().chain(depths).collect();
+    (!lines.is_empty()).then(|| lines.join(". "))
+}
+
+fn warn_of_missing_depth(read: &[Read]) -> Option<String> {
+    let without: Vec<&Frame> = read.iter().map(|read| &read.frame).filter(|frame| frame.depth.is_none()).collect();
     if without.is_empty() || without.len() == read.len() {
         return None;
     }
     Some(format!("{} of {} frames have no depth: {}", without.len(), read.len(), some_names(&without)))
 }
 
-fn warn_of_depth_as_pictures(read: &[(Frame, bool)]) -> Option<String> {
-    let grey: Vec<&Frame> = read.iter().filter(|(_, grey16)| *grey16).map(|(frame, _)| frame).collect();
+fn warn_of_float_depth(read: &[Read], sensor: &Sensor) -> Option<String> {
+    let count = read.iter().filter(|read| read.has_float_depth).count();
+    (count > 0).then(|| {
+        let unit = sensor.float_unit;
+        format!("{count} depths are floats: one unit is taken for {unit} m; if that is wrong, give --depth-unit")
+    })
+}
+
+fn warn_of_depth_as_pictures(read: &[Read]) -> Option<String> {
+    let grey = read.iter().filter(|read| read.content == Content::Grey16).map(|read| &read.frame);
+    let grey: Vec<&Frame> = grey.collect();
     if grey.is_empty() {
         return None;
     }
     let (count, names) = (grey.len(), some_names(&grey));
     Some(format!("{count} frames are grey pictures of 16 bits ({names}); if they are depth, give them with --depth"))
+}
+
+fn warn_of_alpha(read: &[Read]) -> Option<String> {
+    let alpha = read.iter().filter(|read| read.content == Content::ColorAlpha).map(|read| &read.frame);
+    let alpha: Vec<&Frame> = alpha.collect();
+    if alpha.is_empty() {
+        return None;
+    }
+    let (count, all, names) = (alpha.len(), read.len(), some_names(&alpha));
+    Some(format!(
+        "{count} of {all} images have an alpha channel: transparent pixels are shown in grey and give no features: {names}"
+    ))
 }
 
 fn some_names(frames: &[&Frame]) -> String {

@@ -146,8 +146,8 @@ fn why_unfit(items: &[Item], sensor: &Sensor) -> Option<String> {
         return Some("no depth picture fits a colour picture by name, number or time".into());
     };
     let (Ok(picture), Ok(depth)) = (read_header(picture), read_header(depth)) else { return None };
-    if !depth.grey16 {
-        return Some("its depth pictures are not grey pictures of 16 bits".into());
+    if !depth.is_depth() {
+        return Some("its depth images are not grey images of 16 bits or of floats".into());
     }
     let sizes = ((picture.width, picture.height), (depth.width, depth.height));
     (sizes.0 != sizes.1 && sensor.camera.is_none()).then(|| {

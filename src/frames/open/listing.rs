@@ -3,9 +3,43 @@ use std::path::{Path, PathBuf};
 
 use super::natural::natural_order;
 use crate::frames::FrameError;
+use crate::frames::header::FORMATS;
 
-/// The endings of picture files, in lower case.
-pub(super) const PICTURE_ENDINGS: [&str; 6] = ["jpg", "jpeg", "png", "tif", "tiff", "webp"];
+/// The endings of image files, in lower case.
+pub(super) const PICTURE_ENDINGS: [&str; 8] = ["jpg", "jpeg", "png", "tif", "tiff", "webp", "jfif", "jpe"];
+
+/// The endings of image files that cannot be read, in lower case: phones, other formats, raw files of cameras.
+const UNSUPPORTED_ENDINGS: [&str; 45] = [
+    "heic", "heif", "hif", "avif", "jxl", "jp2", "j2k", "jpx", "jpf", "bmp", "dib", "gif", "ppm", "pgm", "pbm", "pnm",
+    "pfm", "tga", "exr", "hdr", "psd", "dng", "cr2", "cr3", "crw", "nef", "nrw", "arw", "srf", "sr2", "orf", "rw2",
+    "raf", "pef", "srw", "x3f", "3fr", "iiq", "rwl", "raw", "mpo", "jps", "svg", "qoi", "btf",
+];
+
+/// Folders that systems, network storage and photo programs put next to the user's files, in lower case.
+const SYSTEM_FOLDERS: [&str; 16] = [
+    "@eadir",
+    "@tmp",
+    "@recycle",
+    "@recently-snapshot",
+    "@sharebin",
+    "@synoeastream",
+    "#recycle",
+    "#snapshot",
+    "lost+found",
+    "__macosx",
+    "$recycle.bin",
+    "recycler",
+    "system volume information",
+    "thumbs.db",
+    "network trash folder",
+    "temporary items",
+];
+
+/// How the names of files begin that network storage makes of an image, in lower case.
+const THUMBNAIL_STARTS: [&str; 4] = ["synophoto_thumb", "synophoto_film", "synofile_thumb", "synovideo_"];
+
+/// How many files or folders a warning names.
+const NAMED: usize = 3;
 
 /// A file below a folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -16,18 +50,74 @@ pub(super) struct Listed {
     pub path: PathBuf,
 }
 
-/// The pictures in a folder and its subfolders in natural order; hidden files and folders are skipped.
-pub(super) fn list_pictures(folder: &Path) -> Result<Vec<Listed>, FrameError> {
-    let mut walk = Walk { pictures: Vec::new(), entered: BTreeSet::new() };
-    walk.enter(folder, "")?;
-    walk.pictures.sort_by(|a, b| natural_order(&a.name, &b.name));
-    Ok(walk.pictures)
+/// The images in a folder and its subfolders, and what was left out.
+#[derive(Debug, Default)]
+pub(super) struct FolderContent {
+    /// In natural order.
+    pub pictures: Vec<Listed>,
+    /// Images in formats that cannot be read, by their paths below the folder.
+    unsupported: Vec<String>,
+    /// Folders of systems and thumbnails.
+    system: Vec<String>,
 }
 
-/// Whether a file name ends as pictures do.
+impl FolderContent {
+    /// Lines about what was left out.
+    pub fn warnings(&self, folder: &Path) -> Vec<String> {
+        let unsupported = self.unsupported().map(|what| format!("{}: {what}", folder.display()));
+        let system = (!self.system.is_empty()).then(|| {
+            let (count, names) = (self.system.len(), first_names(&self.system));
+            format!("{}: {count} folders or thumbnails of the system are left out: {names}", folder.display())
+        });
+        unsupported.into_iter().chain(system).collect()
+    }
+
+    /// What is to be said of the images that cannot be read; `None` where there are none.
+    pub fn unsupported(&self) -> Option<String> {
+        if self.unsupported.is_empty() {
+            return None;
+        }
+        let (count, names) = (self.unsupported.len(), first_names(&self.unsupported));
+        let ends = |endings: &[&str]| self.unsupported.iter().any(|name| ending_is(Path::new(name), endings));
+        let how = if ends(&["heic", "heif", "hif", "avif"]) {
+            "convert HEIC with 'heif-convert IMAGE.heic IMAGE.jpg', or set the phone to save JPEG"
+        } else {
+            "convert them, e.g. with ImageMagick: 'magick mogrify -format png FILES'"
+        };
+        Some(format!("{count} images are left out, because only {FORMATS} can be read: {names}; {how}"))
+    }
+}
+
+fn first_names(names: &[String]) -> String {
+    let more = names.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{more}", names[..names.len().min(NAMED)].join(", "))
+}
+
+/// The images in a folder and its subfolders. Hidden files and folders, and those of systems, are skipped.
+pub(super) fn list_pictures(folder: &Path) -> Result<FolderContent, FrameError> {
+    let mut walk = Walk { found: FolderContent::default(), entered: BTreeSet::new() };
+    walk.enter(folder, "")?;
+    let FolderContent { pictures, unsupported, system } = &mut walk.found;
+    pictures.sort_by(|a, b| natural_order(&a.name, &b.name));
+    unsupported.sort_by(|a, b| natural_order(a, b));
+    system.sort_by(|a, b| natural_order(a, b));
+    Ok(walk.found)
+}
+
+/// Whether a file name ends as images do.
 pub(super) fn has_picture_ending(path: &Path) -> bool {
+    ending_is(path, &PICTURE_ENDINGS)
+}
+
+fn ending_is(path: &Path, endings: &[&str]) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-    ending.is_some_and(|ending| PICTURE_ENDINGS.contains(&ending.as_str()))
+    ending.is_some_and(|ending| endings.contains(&ending.as_str()))
+}
+
+fn is_of_system(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    SYSTEM_FOLDERS.contains(&name.as_str()) || THUMBNAIL_STARTS.iter().any(|start| name.starts_with(start))
 }
 
 /// The path as text, since projects are text files.
@@ -39,7 +129,7 @@ pub(super) fn text_of(path: &Path) -> Result<&str, FrameError> {
 }
 
 struct Walk {
-    pictures: Vec<Listed>,
+    found: FolderContent,
     entered: BTreeSet<PathBuf>,
 }
 
@@ -62,17 +152,28 @@ impl Walk {
         }
         let kind = entry.file_type().map_err(|source| FrameError::io(&path, source))?;
         let is_folder = kind.is_dir() || (kind.is_symlink() && path.is_dir());
-        let is_picture = (kind.is_file() || kind.is_symlink()) && has_picture_ending(&path);
-        if !is_folder && !is_picture {
+        let is_file = kind.is_file() || kind.is_symlink();
+        let (is_picture, is_unsupported) =
+            (is_file && has_picture_ending(&path), is_file && ending_is(&path, &UNSUPPORTED_ENDINGS));
+        if !is_folder && !is_picture && !is_unsupported {
+            return Ok(());
+        }
+        let own_name = own_name.to_string_lossy();
+        let is_of_system = is_of_system(&own_name);
+        let name = if folder_name.is_empty() { own_name.into_owned() } else { format!("{folder_name}/{own_name}") };
+        if is_of_system {
+            self.found.system.push(name);
+            return Ok(());
+        }
+        if is_unsupported && !is_folder {
+            self.found.unsupported.push(name);
             return Ok(());
         }
         text_of(&path)?;
-        let own_name = own_name.to_string_lossy();
-        let name = if folder_name.is_empty() { own_name.into_owned() } else { format!("{folder_name}/{own_name}") };
         if is_folder {
             return self.enter(&path, &name);
         }
-        self.pictures.push(Listed { name, path });
+        self.found.pictures.push(Listed { name, path });
         Ok(())
     }
 }

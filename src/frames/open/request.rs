@@ -11,8 +11,10 @@ use crate::frames::cameras::DepthCameraSource;
 pub struct OpenRequest {
     /// Folders, single pictures and films, in order.
     pub sources: Vec<FrameFolder>,
-    /// World units (metres) per step of the 16-bit depth value; > 0.
+    /// World units (metres) per step of an integer depth value; > 0.
     pub depth_unit: f64,
+    /// World units (metres) per unit of a float depth value; > 0.
+    pub float_depth_unit: f64,
     /// The camera that measured the depths, where it is not the pictures'; `None` = depth lies on its picture, pixel for
     /// pixel.
     pub depth_camera: Option<DepthCameraSource>,
@@ -26,7 +28,15 @@ pub struct OpenRequest {
 
 impl Default for OpenRequest {
     fn default() -> Self {
-        Self { sources: Vec::new(), depth_unit: 0.001, depth_camera: None, every: 1, from: None, to: None }
+        Self {
+            sources: Vec::new(),
+            depth_unit: 0.001,
+            float_depth_unit: 1.0,
+            depth_camera: None,
+            every: 1,
+            from: None,
+            to: None,
+        }
     }
 }
 
@@ -35,7 +45,7 @@ impl Default for OpenRequest {
 pub struct FrameFolder {
     /// A folder (read with its subfolders), a single picture, or a film.
     pub frames: PathBuf,
-    /// The folder (or single file) of 16-bit depth pictures that belong to it.
+    /// The folder (or single file) of depth images that belong to it, of 16-bit integers or floats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<PathBuf>,
 }

@@ -66,14 +66,18 @@ impl Listing<'_> {
         let items = match (kind, depth) {
             (Kind::Film, depth) => self.film(&place, depth.as_deref())?,
             (Kind::Picture, None) => vec![without_depth(one_file(&place))],
-            (Kind::Folder, None) => recognise(&place, pictures_in(&place)?, self)?,
+            (Kind::Folder, None) => {
+                let listed = self.pictures_in(&place)?;
+                recognise(&place, listed, self)?
+            }
             (_, Some(depth)) => self.with_given_depth(&place, &depth)?,
         };
         Ok(Source { place, kind, items })
     }
 
     fn with_given_depth(&mut self, place: &Path, depth: &Path) -> Result<Vec<Item>, FrameError> {
-        let (mut pictures, mut depths) = (pictures_at(place)?, pictures_at(depth)?);
+        let mut pictures = self.pictures_at(place)?;
+        let mut depths = if depth == place { Vec::new() } else { self.pictures_at(depth)? };
         if depth == place {
             (pictures, depths) = split_by_name(pictures);
         } else if depth.starts_with(place) {
@@ -91,9 +95,31 @@ impl Listing<'_> {
         }
         let items = film_items(film, &probed);
         match depth {
-            Some(depth) => self.paired(items, &pictures_at(depth)?, [film, depth]),
+            Some(depth) => {
+                let depths = self.pictures_at(depth)?;
+                self.paired(items, &depths, [film, depth])
+            }
             None => Ok(items),
         }
+    }
+
+    fn pictures_at(&mut self, place: &Path) -> Result<Vec<Listed>, FrameError> {
+        if place.is_dir() { self.pictures_in(place) } else { Ok(vec![one_file(place)]) }
+    }
+
+    fn pictures_in(&mut self, place: &Path) -> Result<Vec<Listed>, FrameError> {
+        let found = list_pictures(place)?;
+        if found.pictures.is_empty() {
+            let unsupported = found.unsupported().map_or_else(String::new, |what| format!("; {what}"));
+            return Err(FrameError::NotFound(format!(
+                "{}: no pictures in this folder or below it (looked for names ending in {}); give a folder of pictures, \
+                 or a film by its own path{unsupported}",
+                place.display(),
+                PICTURE_ENDINGS.join(", ")
+            )));
+        }
+        self.warnings.extend(found.warnings(place));
+        Ok(found.pictures)
     }
 
     /// Gives pictures the depth the user named; that none fits is an error.
@@ -184,21 +210,4 @@ fn located(given: &Path) -> Result<PathBuf, FrameError> {
 
 fn one_file(path: &Path) -> Listed {
     Listed { name: String::new(), path: path.into() }
-}
-
-fn pictures_at(place: &Path) -> Result<Vec<Listed>, FrameError> {
-    if place.is_dir() { pictures_in(place) } else { Ok(vec![one_file(place)]) }
-}
-
-fn pictures_in(place: &Path) -> Result<Vec<Listed>, FrameError> {
-    let pictures = list_pictures(place)?;
-    if pictures.is_empty() {
-        return Err(FrameError::NotFound(format!(
-            "{}: no pictures in this folder or below it (looked for names ending in {}); give a folder of pictures, or \
-             a film by its own path",
-            place.display(),
-            PICTURE_ENDINGS.join(", ")
-        )));
-    }
-    Ok(pictures)
 }

@@ -3,6 +3,7 @@ use std::path::{Path, PathBuf};
 
 use super::listing::Listed;
 use super::pairing::{Pairs, without_ending};
+use crate::engine::disk;
 use crate::frames::FrameError;
 
 /// Pictures and depths of a TUM recording farther apart than this, in seconds, do not belong together.
@@ -18,8 +19,7 @@ pub(super) fn pair_by_associations(
 ) -> Result<Option<PathBuf>, FrameError> {
     let found = folders.iter().map(|folder| folder.join("associations.txt")).find(|path| path.is_file());
     let Some(path) = found else { return Ok(None) };
-    let bytes = std::fs::read(&path).map_err(|source| FrameError::io(&path, source))?;
-    let text = String::from_utf8_lossy(&bytes);
+    let text = disk::read_text(&path).map_err(|reason| FrameError::io(&path, reason))?;
     let (pictures, depths) = (ByFileName::new(pictures), ByFileName::new(depths));
     for line in text.lines().filter(|line| !line.trim_start().starts_with('#')) {
         let words: Vec<&str> = line.split_whitespace().collect();

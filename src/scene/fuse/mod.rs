@@ -37,7 +37,7 @@ pub use relabel::{ChangedMask, relabel, vote_again};
 pub use report::{Dropped, FuseReport};
 pub use run::{Fused, fuse};
 pub use seen::{SeenPoint, SeenPoints};
-pub use source::{ProjectViews, Views};
+pub use source::{ProjectViews, Views, readable};
 pub use votes::{Voter, Votes};
 pub use votes_file::{read_votes, write_votes};
 pub use voxel_size::pixel_footprint;

@@ -9,7 +9,7 @@ use super::options::FuseOptions;
 use super::relabel::labelled;
 use super::report::{FuseReport, naming};
 use super::seen::SeenPoints;
-use super::source::{Views, check_size};
+use super::source::{Views, check_size, readable};
 use super::tolerance::measured_tolerance;
 use super::view::View;
 use super::visible::Tolerance;
@@ -109,8 +109,7 @@ type Pixels = (Arc<Image>, Arc<DepthMap>);
 fn load(views: &dyn Views, index: usize) -> Result<Option<Pixels>, SceneError> {
     let frame = &views.frames()[index];
     let (image, depth) = rayon::join(|| views.image(index), || views.depth(index));
-    let Some(depth) = depth? else { return Ok(None) };
-    let image = image?;
+    let (Some(image), Some(depth)) = (readable(image)?, depth?) else { return Ok(None) };
     check_size(frame, "picture", image.width, image.height)?;
     check_size(frame, "depth", depth.width, depth.height)?;
     Ok(Some((image, depth)))
@@ -127,10 +126,14 @@ fn make_points(
     progress.stage("fuse")?;
     let mut grid = Grid::new(nearest_corner(views, usable), report.voxel);
     let mut rays: Option<Rays> = None;
+    let mut unreadable = Vec::new();
     let mut next = load(views, usable[0])?;
     for (done, &index) in usable.iter().enumerate() {
         progress.step(done, usable.len())?;
         let current = next.take();
+        if current.is_none() {
+            unreadable.push(views.frames()[index].name.as_str());
+        }
         let Some(view) = View::new(&views.frames()[index])? else { continue };
         let (added, loaded) = rayon::join(
             || current.map(|pixels| add_frame(&mut grid, &mut rays, &view, &pixels, options, progress)).transpose(),
@@ -144,6 +147,14 @@ fn make_points(
             report.dropped.far_pixels += count.beyond;
         }
     }
+    let warning = naming("cannot be read (image or depth) and give no points", &unreadable);
+    if let (0, Some(warning)) = (report.frames_fused, &warning) {
+        views.image(usable[0])?;
+        return Err(SceneError::Request(format!(
+            "no frame can be read: {warning}; check the files of images and depths"
+        )));
+    }
+    report.warnings.extend(warning);
     let points = grid.into_points(options.min_views);
     report.dropped.few_views = points.few_views;
     keep_inliers(points, options, report, progress)

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use crate::frames::{DepthMap, Frame, FrameStore, Image};
+use crate::frames::{DepthMap, Frame, FrameError, FrameStore, Image};
 use crate::masks::LabelMask;
 use crate::scene::SceneError;
 
@@ -52,12 +52,28 @@ impl Views for ProjectViews<'_> {
         Ok(self.store.image(&self.frames[index])?)
     }
 
+    /// A depth that cannot be read is as good as none; fusion names its frame.
     fn depth(&self, index: usize) -> Result<Option<Arc<DepthMap>>, SceneError> {
-        Ok(self.store.depth(&self.frames[index])?)
+        match self.store.depth(&self.frames[index]) {
+            Err(stopped @ FrameError::Stopped(_)) => Err(stopped.into()),
+            depth => Ok(depth.ok().flatten()),
+        }
     }
 
     fn mask(&self, index: usize) -> Option<Arc<LabelMask>> {
         (self.masks)(index)
+    }
+}
+
+/// An image, or nothing where its file cannot be read: one damaged file among many does not end a job. The job names it.
+///
+/// # Errors
+/// Every other error, [`SceneError::Stopped`] too.
+pub fn readable(image: Result<Arc<Image>, SceneError>) -> Result<Option<Arc<Image>>, SceneError> {
+    match image {
+        Err(SceneError::Frame(FrameError::Stopped(stopped))) => Err(stopped.into()),
+        Err(SceneError::Frame(_)) => Ok(None),
+        image => image.map(Some),
     }
 }
 

@@ -5,6 +5,7 @@ use ply_rs::parser::Parser;
 use ply_rs::ply::{Addable, ElementDef, Encoding, Header, PropertyDef, PropertyType, ScalarType};
 
 use super::vertex::{Slot, Vertex};
+use crate::engine::disk;
 
 /// A header longer than this is no PLY header.
 const MAX_HEADER_BYTES: usize = 4 << 20;
@@ -104,6 +105,7 @@ impl Layout {
 fn header_lines(reader: &mut impl BufRead) -> Result<Vec<String>, String> {
     let mut lines = Vec::new();
     let mut bytes = 0;
+    disk::skip_mark(reader).map_err(|error| format!("its header cannot be read ({error})"))?;
     loop {
         let mut line = Vec::new();
         let mut limited = std::io::Read::take(&mut *reader, MAX_HEADER_BYTES as u64);

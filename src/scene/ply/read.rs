@@ -1,4 +1,3 @@
-use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind};
 use std::path::Path;
 
@@ -11,6 +10,7 @@ use super::faces::read_faces;
 use super::header::{Layout, first_line};
 use super::names::tree_from_comments;
 use super::vertex::{Slot, Vertex};
+use crate::engine::disk;
 use crate::engine::job::Progress;
 use crate::masks::LabelId;
 use crate::scene::cloud::name_unknown_labels;
@@ -45,7 +45,7 @@ pub struct PlyCloud {
 /// label that is no whole number from 0 to 65535; [`SceneError::Stopped`].
 pub fn read_ply(path: &Path, progress: &Progress) -> Result<PlyCloud, SceneError> {
     let io = |source| SceneError::Io { path: path.to_path_buf(), source };
-    let file = File::open(path).map_err(io)?;
+    let file = disk::open_regular(path).map_err(io)?;
     let bytes = file.metadata().map_err(io)?.len();
     let mut reader = BufReader::with_capacity(1 << 18, file);
     read_or(path, || read_from(&mut reader, bytes, progress))
@@ -58,7 +58,7 @@ pub fn read_ply(path: &Path, progress: &Progress) -> Result<PlyCloud, SceneError
 /// names a vertex that is not there.
 pub fn read_mesh(path: &Path, progress: &Progress) -> Result<LabelledMesh, SceneError> {
     let io = |source| SceneError::Io { path: path.to_path_buf(), source };
-    let file = File::open(path).map_err(io)?;
+    let file = disk::open_regular(path).map_err(io)?;
     let bytes = file.metadata().map_err(io)?.len();
     let mut reader = BufReader::with_capacity(1 << 18, file);
     let read = || -> Result<LabelledMesh, Fault> {

@@ -1,9 +1,11 @@
+use std::borrow::Cow;
+
 use glam::DVec2;
 
 use super::tilted::{Tilt, tilted_features};
 use super::{Descriptors, FeatureExtractor, Features, SfmError};
 use crate::engine::job::Progress;
-use crate::frames::{Frame, FrameStore, Image};
+use crate::frames::{Frame, FrameError, FrameStore, Image};
 
 /// Pictures that are decoded while features of another are looked for.
 const AHEAD: usize = 2;
@@ -58,7 +60,11 @@ pub fn of_picture(
         Ok(image) => image,
         Err(error) => return Ok(none(frame, error.to_string())),
     };
-    let features = extractor.extract(&image.luma(), image.width as usize, image.height as usize, allowed)?;
+    let allowed = match opaque(frame, store, allowed) {
+        Ok(allowed) => allowed,
+        Err(error) => return Ok(none(frame, error.to_string())),
+    };
+    let features = extractor.extract(&image.luma(), image.width as usize, image.height as usize, allowed.as_deref())?;
     Ok(coloured(features, &image))
 }
 
@@ -75,12 +81,29 @@ pub fn tilted_picture(
     progress: &Progress,
 ) -> Result<Vec<PictureFeatures>, SfmError> {
     let Ok(image) = store.image(frame) else { return Ok(Vec::new()) };
+    let Ok(allowed) = opaque(frame, store, allowed) else { return Ok(Vec::new()) };
     let (grey, size) = (image.luma(), [image.width as usize, image.height as usize]);
     let under = |tilt: Tilt| {
         progress.check()?;
-        Ok(coloured(tilted_features(extractor, &grey, size, allowed, tilt)?, &image))
+        Ok(coloured(tilted_features(extractor, &grey, size, allowed.as_deref(), tilt)?, &image))
     };
     Tilt::all().into_iter().map(under).collect()
+}
+
+/// The allowed pixels without transparent ones, which show nothing of the scene.
+fn opaque<'a>(
+    frame: &Frame,
+    store: &FrameStore,
+    allowed: Option<&'a [bool]>,
+) -> Result<Option<Cow<'a, [bool]>>, FrameError> {
+    Ok(match (store.opaque_pixels(frame)?, allowed) {
+        (None, allowed) => allowed.map(Cow::Borrowed),
+        (Some(opaque), None) => Some(Cow::Owned(opaque)),
+        (Some(mut opaque), Some(allowed)) => {
+            opaque.iter_mut().zip(allowed).for_each(|(opaque, allowed)| *opaque &= allowed);
+            Some(Cow::Owned(opaque))
+        }
+    })
 }
 
 fn coloured(features: Features, image: &Image) -> PictureFeatures {

@@ -5,7 +5,7 @@ use super::measured::Measured;
 use super::options::VolumeOptions;
 use crate::engine::job::Progress;
 use crate::masks::LabelId;
-use crate::scene::fuse::Views;
+use crate::scene::fuse::{Views, readable};
 use crate::scene::{LabelledCloud, LabelledMesh, SceneError};
 
 /// A surface, and what it took.
@@ -19,7 +19,8 @@ pub struct Surface {
     pub bytes: usize,
 }
 
-/// Makes the surface that all frames with depth and camera see. Frames without are left out in silence: fusion names them.
+/// Makes the surface that all frames with depth and camera see. Frames without, and those that cannot be
+/// read, are left out in silence: fusion names them.
 ///
 /// The same frames give the same bytes, whatever the number of threads.
 ///
@@ -85,7 +86,7 @@ fn load(views: &dyn Views, index: usize, options: &VolumeOptions) -> Result<Opti
     let frame = &views.frames()[index];
     let (image, depth) = rayon::join(|| views.image(index), || views.depth(index));
     let (Some(depth), Some((camera, pose))) = (depth?, frame.posed_camera()) else { return Ok(None) };
-    let image = image?;
+    let Some(image) = readable(image)? else { return Ok(None) };
     let sizes = [(image.width, image.height), (depth.width, depth.height), (camera.width, camera.height)];
     if sizes.iter().any(|size| *size != (frame.width, frame.height)) {
         return Err(SceneError::Request(format!(

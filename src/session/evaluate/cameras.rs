@@ -28,7 +28,11 @@ pub struct CameraScore {
 /// # Errors
 /// When a file cannot be read, no camera matches, or too few match for the alignment.
 pub fn score_cameras(truth: &Path, result: &Path, alignment: Alignment, turns: bool) -> Result<CameraScore> {
-    let (truth_cameras, result_cameras) = (GivenCameras::read(truth)?.cameras, GivenCameras::read(result)?.cameras);
+    let posed = |path: &Path| -> Result<Vec<GivenCamera>> {
+        let all = GivenCameras::read(path)?.cameras.into_iter();
+        Ok(all.filter(|camera| camera.camera_from_world.is_ok()).collect())
+    };
+    let (truth_cameras, result_cameras) = (posed(truth)?, posed(result)?);
     let found = index(&result_cameras, full_key);
     let found_by_file = index(&result_cameras, file_key);
     let mut pairs: Vec<(Pose, Pose)> = Vec::new();
@@ -36,8 +40,10 @@ pub fn score_cameras(truth: &Path, result: &Path, alignment: Alignment, turns: b
     for camera in &truth_cameras {
         let partner = found.get(&full_key(&camera.key)).or_else(|| found_by_file.get(&file_key(&camera.key)));
         match partner.copied().flatten() {
-            Some(other) => pairs.push((other.camera_from_world, camera.camera_from_world)),
-            None => missing.push(full_key(&camera.key)),
+            Some(GivenCamera { camera_from_world: Ok(other), .. }) => {
+                pairs.extend(camera.camera_from_world.iter().map(|pose| (*other, *pose)));
+            }
+            _ => missing.push(full_key(&camera.key)),
         }
     }
     if pairs.is_empty() {

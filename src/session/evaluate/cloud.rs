@@ -64,7 +64,8 @@ fn read(path: &Path, progress: &Progress) -> Result<PlyCloud> {
 
 fn frusta(path: &Path) -> Result<Vec<FrameCamera>> {
     let given = GivenCameras::read(path)?;
-    let cameras = given.cameras.iter().map(|camera| {
+    let posed = given.cameras.iter().filter(|camera| camera.camera_from_world.is_ok());
+    let cameras = posed.map(|camera| {
         let sized = camera.intrinsics.as_ref().and_then(|intrinsics| Some((intrinsics, intrinsics.size?)));
         let (intrinsics, [width, height]) = sized.with_context(|| {
             format!(
@@ -73,7 +74,7 @@ fn frusta(path: &Path) -> Result<Vec<FrameCamera>> {
             )
         })?;
         let intrinsics = intrinsics.for_picture(width, height).map_err(anyhow::Error::msg)?;
-        Ok(FrameCamera::given(intrinsics, Some(camera.camera_from_world)))
+        Ok(FrameCamera::given(intrinsics, camera.camera_from_world.clone().ok()))
     });
     cameras.collect()
 }

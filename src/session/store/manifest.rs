@@ -59,7 +59,7 @@ pub fn check_format(root: &Path) -> Result<()> {
     let path = root.join("project.toml");
     ensure!(root.exists(), "{}: there is no such folder; check the path", root.display());
     ensure!(path.exists(), "{}: holds no project (project.toml is missing); make one with 'new'", root.display());
-    let text = std::fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let text = crate::engine::disk::read_text(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
     match toml::from_str::<Format>(&text) {
         Ok(Format { format: FORMAT }) => Ok(()),
         Ok(Format { format }) if format > FORMAT => bail!(
@@ -76,7 +76,7 @@ pub fn check_format(root: &Path) -> Result<()> {
 /// When it cannot be read or is damaged.
 pub fn read(root: &Path) -> Result<Manifest> {
     let path = root.join("project.toml");
-    let text = std::fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let text = crate::engine::disk::read_text(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let parsed = toml::from_str(&text).map_err(|error| error.message().replace('\n', " "));
     match parsed {
         Ok(manifest) => Ok(manifest),

@@ -1,8 +1,9 @@
 use std::path::Path;
 
 use super::colmap::binary_model;
-use super::write;
-use crate::frames::cameras::{GivenCameras, read_sparse_points};
+use super::{frames, write};
+use crate::frames::Frame;
+use crate::frames::cameras::{CameraKey, GivenCameras, attach_intrinsics, read_sparse_points};
 
 /// The one-line error of reading `path`.
 fn error_of(path: &Path) -> String {
@@ -61,10 +62,21 @@ fn huge_counts_and_unknown_models_in_binary_files() {
         write(folder.path(), "images.bin", &images);
         assert!(error_of(folder.path()).contains("ends too early"));
     }
-    for (model, name) in [(7i32, "FOV"), (11, "RAD_TAN_THIN_PRISM_FISHEYE"), (99, "number 99"), (-1, "number -1")] {
+    let [_, images, _] = binary_model();
+    write(folder.path(), "images.bin", &images);
+    for (model, parameters, name) in [
+        (7i32, 5, "FOV"),
+        (11, 16, "RAD_TAN_THIN_PRISM_FISHEYE"),
+        (12, 4, "SIMPLE_DIVISION"),
+        (17, 2, "EQUIRECTANGULAR"),
+        (99, 4, "number 99"),
+        (-1, 4, "number -1"),
+    ] {
         cameras[12..16].copy_from_slice(&model.to_le_bytes());
+        cameras.resize(32 + 8 * parameters, 0);
         write(folder.path(), "cameras.bin", &cameras);
-        assert!(error_of(folder.path()).contains(name));
+        let error = error_of(folder.path());
+        assert!(error.contains(&format!("camera model {name} is not supported")), "{error}");
     }
 }
 
@@ -74,8 +86,8 @@ fn broken_colmap_text() {
     for (cameras, images, expected) in [
         ("1 FOV 640 480 500 500 320 240 0.1\n", image, "FOV"),
         ("1 PINHOLE 640 480 500 500 320\n", image, "4 parameters, not 3"),
-        ("1 PINHOLE 0 480 500 500 320 240\n", image, "picture size"),
-        ("1 PINHOLE 99999999999 480 500 500 320 240\n", image, "picture size"),
+        ("1 PINHOLE 0 480 500 500 320 240\n", image, "image size of 0 × 480"),
+        ("1 PINHOLE 4000000000 480 500 500 320 240\n", image, "image size of 4000000000 × 480"),
         ("1 PINHOLE 640 480 500 500 320 x\n", image, "'x'"),
         ("1 PINHOLE 640 480 NaN 500 320 240\n", image, "finite"),
         (CAMERA, "1 NaN 0 0 0 0 0 0 1 a.png\n\n", "finite"),
@@ -119,6 +131,66 @@ fn broken_files_of_other_formats() {
         assert!(error.contains(expected), "'{error}' does not say '{expected}'");
     }
     assert!(error_in("x.txt", [0xff, 0xfe, 0x00]).contains("not a text file"));
+}
+
+#[test]
+fn unused_cameras_of_other_models_do_no_harm() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "text/cameras.txt", format!("{CAMERA}2 EQUIRECTANGULAR 640 320 640 320\n3 NEW 1 1 1\n"));
+    write(folder.path(), "text/images.txt", "1 1 0 0 0 0 0 0 1 a.png\n\n");
+    assert!(GivenCameras::read(&folder.path().join("text")).unwrap().cameras[0].camera_from_world.is_ok());
+    let [mut cameras, images, _] = binary_model();
+    cameras[0] = 3;
+    for (model, parameters) in [(16i32, 6), (13, 5)] {
+        cameras.extend(99u32.to_le_bytes());
+        cameras.extend(model.to_le_bytes());
+        cameras.extend([640u64, 480].iter().flat_map(|side| side.to_le_bytes()));
+        cameras.extend(vec![0; 8 * parameters]);
+    }
+    write(folder.path(), "binary/cameras.bin", &cameras);
+    write(folder.path(), "binary/images.bin", &images);
+    assert!(GivenCameras::read(&folder.path().join("binary")).unwrap().cameras[0].camera_from_world.is_ok());
+}
+
+#[test]
+fn numbers_in_json_may_be_strings_or_what_python_writes() {
+    let folder = tempfile::tempdir().unwrap();
+    let json = r#"{"fl_x": "500", "k1": 0, "frames": [
+        {"file_path": "a \"NaN.png", "transform_matrix": [[NaN, 0, 0, 0], [0, 1, 0, Infinity], [0, 0, 1, -Infinity], [0, 0, 0, 1]]},
+        {"file_path": "Infinity.png", "transform_matrix": [["1", 0, 0, "2.5"], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]}"#;
+    write(folder.path(), "transforms.json", json);
+    let cameras = GivenCameras::read(&folder.path().join("transforms.json")).unwrap().cameras;
+    assert!(cameras[0].camera_from_world.as_ref().unwrap_err().contains("a \"NaN.png: the pose has a value"));
+    assert_eq!(cameras[1].key, CameraKey::Name("Infinity.png".into()));
+    assert_eq!(cameras[1].camera_from_world.as_ref().unwrap().inverse().translation.x, 2.5);
+    let error = error_in(
+        "transforms.json",
+        r#"{"fl_x": 1, "k1": NaN, "frames": [{"file_path": "a",
+        "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]}]}"#,
+    );
+    assert!(error.contains("distortion"), "{error}");
+}
+
+#[test]
+fn a_lost_frame_keeps_the_numbers_of_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let matrix = |x: &str| format!("1 0 0 {x}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+    let zeros = "0 0 0 0\n".repeat(4);
+    let log: String = [matrix("0"), matrix("nan"), zeros, matrix("3")]
+        .iter()
+        .enumerate()
+        .map(|(k, matrix)| format!("{k} {k} {}\n{matrix}", k + 1))
+        .collect();
+    write(folder.path(), "t.log", log);
+    let mut all = frames(&["image1.png", "image2.png", "image3.png", "image4.png"]);
+    attach_intrinsics(&mut all, &[500.0, 500.0, 320.0, 240.0].into()).unwrap();
+    let warnings = GivenCameras::read(&folder.path().join("t.log")).unwrap().match_to(&mut all).unwrap();
+    let x = |frame: &Frame| frame.posed_camera().map(|(_, pose)| pose.inverse().translation.x);
+    assert_eq!(all.iter().map(x).collect::<Vec<_>>(), [Some(0.0), None, None, Some(3.0)]);
+    assert!(
+        warnings.len() == 1 && warnings[0].contains("2 of 4 frames") && warnings[0].contains("image2.png, image3.png")
+    );
+    assert_eq!(warnings[0].matches("not a finite number").count(), 1, "{warnings:?}");
 }
 
 #[test]

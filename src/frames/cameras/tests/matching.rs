@@ -10,7 +10,7 @@ fn given(names: &[&str]) -> GivenCameras {
     let camera = |(i, name): (usize, &&str)| GivenCamera {
         key: CameraKey::Name((*name).into()),
         intrinsics: Some(GivenIntrinsics::pinhole(DVec2::splat(500.0), DVec2::new(320.0, 240.0))),
-        camera_from_world: pose(i as u32),
+        camera_from_world: Ok(pose(i as u32)),
     };
     GivenCameras { path: "cameras".into(), cameras: names.iter().enumerate().map(camera).collect() }
 }
