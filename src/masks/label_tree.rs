@@ -10,7 +10,16 @@ use super::{Label, LabelId, MaskError};
 #[serde(into = "Vec<Label>", try_from = "Vec<Label>")]
 pub struct LabelTree {
     labels: BTreeMap<LabelId, Label>,
+    /// Ids by name, so that a check of one name does not compare it with all: files can list 65,535 labels.
+    ids: BTreeMap<String, LabelId>,
 }
+
+/// Most labels that an error names.
+const MOST_NAMED: usize = 10;
+
+/// Labels lie at most this deep. Every walk to the top level costs as many steps, so that a file of 65,535 labels in one
+/// chain would take minutes.
+pub(crate) const MAX_DEPTH: usize = 64;
 
 impl LabelTree {
     /// All labels, ordered by id.
@@ -27,16 +36,20 @@ impl LabelTree {
     /// The label with this name.
     #[must_use]
     pub fn by_name(&self, name: &str) -> Option<&Label> {
-        self.labels.values().find(|label| label.name == name)
+        self.labels.get(self.ids.get(name)?)
     }
 
     /// Puts `label` in the place of its id, checking every invariant.
     ///
     /// # Errors
-    /// [`MaskError::Label`] for id 0, an empty or taken name, a missing parent, a circle.
+    /// [`MaskError::Label`] for id 0, an empty or taken name, a missing parent, a circle, a depth above 64.
     pub fn set(&mut self, label: Label) -> Result<(), MaskError> {
         self.check(&label)?;
-        self.labels.insert(label.id, label);
+        self.ids.insert(label.name.clone(), label.id);
+        let name = label.name.clone();
+        if let Some(before) = self.labels.insert(label.id, label).filter(|before| before.name != name) {
+            self.ids.remove(&before.name);
+        }
         Ok(())
     }
 
@@ -51,7 +64,9 @@ impl LabelTree {
                 id.0, child.name
             )));
         }
-        self.labels.remove(&id).ok_or_else(|| MaskError::Label(format!("there is no label {}", id.0)))
+        let label = self.labels.remove(&id).ok_or_else(|| MaskError::Label(format!("there is no label {}", id.0)))?;
+        self.ids.remove(&label.name);
+        Ok(label)
     }
 
     /// The id after the highest in use; once 65535 is taken, the lowest that is free; [`LabelId::NONE`] (which
@@ -179,15 +194,19 @@ impl LabelTree {
         if label.name.trim().is_empty() || label.name.contains(['\n', '\r']) {
             return fail("a label needs a name of one line".into());
         }
-        if self.labels.values().any(|other| other.id != label.id && other.name == label.name) {
+        if self.by_name(&label.name).is_some_and(|other| other.id != label.id) {
             return fail(format!("there is already a label '{}'; choose another name", label.name));
         }
         if let Some(parent) = label.parent {
             if self.get(parent).is_none() {
                 return fail(format!("the parent of '{}' does not exist", label.name));
             }
-            if self.path(parent).contains(&label.id) {
+            let path = self.path(parent);
+            if path.contains(&label.id) {
                 return fail(format!("'{}' cannot be its own ancestor", label.name));
+            }
+            if path.len() >= MAX_DEPTH {
+                return fail(format!("'{}' lies more than {MAX_DEPTH} labels deep; move it up", label.name));
             }
         }
         Ok(())
@@ -205,27 +224,32 @@ impl TryFrom<Vec<Label>> for LabelTree {
 
     /// Takes labels in any order: a child may stand before its parent.
     fn try_from(labels: Vec<Label>) -> Result<Self, MaskError> {
-        let mut waiting = labels;
-        let mut tree = Self::default();
-        if let Some(id) = repeated_id(&waiting) {
+        if let Some(id) = repeated_id(&labels) {
             return Err(MaskError::Label(format!("label id {} is there twice; give each label its own", id.0)));
         }
-        while !waiting.is_empty() {
-            let (ready, rest): (Vec<Label>, Vec<Label>) =
-                waiting.into_iter().partition(|label| label.parent.is_none_or(|parent| tree.get(parent).is_some()));
-            if ready.is_empty() {
-                let names: Vec<&str> = rest.iter().map(|label| label.name.as_str()).collect();
-                return Err(MaskError::Label(format!(
-                    "the parents of these labels do not exist or form a circle: {}",
-                    names.join(", ")
-                )));
-            }
-            for label in ready {
-                tree.set(label)?;
-            }
-            waiting = rest;
+        let mut below: BTreeMap<Option<LabelId>, Vec<Label>> = BTreeMap::new();
+        for label in labels {
+            below.entry(label.parent).or_default().push(label);
         }
-        Ok(tree)
+        let mut tree = Self::default();
+        let mut open = below.remove(&None).unwrap_or_default();
+        while let Some(label) = open.pop() {
+            open.extend(below.remove(&Some(label.id)).unwrap_or_default());
+            tree.set(label)?;
+        }
+        let mut rest = below.values().flatten().map(|label| label.name.as_str());
+        let names: Vec<&str> = rest.by_ref().take(MOST_NAMED).collect();
+        if names.is_empty() {
+            return Ok(tree);
+        }
+        let more = match rest.count() {
+            0 => String::new(),
+            count => format!(" and {count} more"),
+        };
+        Err(MaskError::Label(format!(
+            "the parents of these labels do not exist or form a circle: {}{more}",
+            names.join(", ")
+        )))
     }
 }
 

@@ -44,6 +44,7 @@ pub use formats::{
 pub(crate) use lab::{lab_of_pixel, squared_difference};
 pub use label::{Label, LabelId};
 pub use label_tree::LabelTree;
+pub(crate) use label_tree::MAX_DEPTH;
 pub use landmarks::landmarks;
 pub use mask::LabelMask;
 pub use merge::{WalkedFrame, merged};

@@ -4,6 +4,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{LabelId, LabelMask, LabelTree, MaskError, Region};
 
+/// Most columns and rows of a mask that is read from a file.
+pub(super) const MAX_SIDE: u32 = 65_535;
+/// Most pixels of a mask that is read from a file: 268 megapixels, more than any camera has. A few bytes of run lengths
+/// can claim any number of pixels, and decoding takes two bytes for each.
+pub(super) const MAX_PIXELS: u64 = 1 << 28;
+
 /// A [`LabelMask`] as runs of equal ids, row by row without a break between rows: what a project holds and keeps in
 /// its history. What is read from a file is checked as by [`RunMask::new`].
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,14 +53,21 @@ impl RunMask {
     /// A mask from runs of which neighbours may be equal (they are merged).
     ///
     /// # Errors
-    /// [`MaskError::Request`] for a run of length 0 or lengths that do not sum to `width · height`.
+    /// [`MaskError::Request`] for a run of length 0, lengths that do not sum to `width · height`, or a mask of more than
+    /// 65,535 pixels on a side or 268 megapixels in all.
     pub fn new(width: u32, height: u32, runs: Vec<(LabelId, u32)>) -> Result<Self, MaskError> {
         if runs.iter().any(|&(_, length)| length == 0) {
             return Err(MaskError::Request("a mask holds a run of length 0; it is damaged, make it anew".into()));
         }
         let pixels = u64::from(width) * u64::from(height);
+        if width.max(height) > MAX_SIDE || pixels > MAX_PIXELS {
+            return Err(MaskError::Request(format!(
+                "a mask claims {width}×{height} pixels; at most {MAX_SIDE} on a side and {} megapixels in all are read",
+                MAX_PIXELS / 1_000_000
+            )));
+        }
         let sum: u64 = runs.iter().map(|&(_, length)| u64::from(length)).sum();
-        if sum != pixels || pixels > u64::from(u32::MAX) {
+        if sum != pixels {
             return Err(MaskError::Request(format!(
                 "a mask's runs hold {sum} pixels, {width}×{height} are needed; it is damaged, make it anew"
             )));

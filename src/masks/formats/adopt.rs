@@ -56,9 +56,10 @@ impl Adoption {
     /// All labels of another tree, parents first; returns which id each has now.
     pub(super) fn tree_of(&mut self, other: &LabelTree) -> Result<BTreeMap<LabelId, LabelId>, MaskError> {
         let mut ids = BTreeMap::new();
-        let tops: Vec<LabelId> = other.children(None).map(|label| label.id).collect();
-        let all = tops.into_iter().flat_map(|top| std::iter::once(top).chain(other.descendants(top)));
-        for label in all.filter_map(|id| other.get(id)) {
+        // By depth, so that parents come first; asking for the children of each would compare all labels with all.
+        let mut all: Vec<&Label> = other.iter().collect();
+        all.sort_by_key(|label| other.depth(label.id));
+        for label in all {
             let parent = label.parent.and_then(|parent| ids.get(&parent).copied());
             let newcomer = Newcomer { name: &label.name, id: Some(label.id), parent, color: Some(label.color) };
             ids.insert(label.id, self.named(&newcomer)?);

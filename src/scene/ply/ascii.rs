@@ -11,7 +11,8 @@ pub(super) fn read_vertex(reader: &mut impl BufRead, layout: &Layout, line: &mut
     while line.trim_ascii().is_empty() && !layout.columns.is_empty() {
         next_line(reader, line)?;
     }
-    let mut words = line.split_ascii_whitespace();
+    // Some exporters put a byte-order mark between the header and the points.
+    let mut words = line.trim_start_matches('\u{feff}').split_ascii_whitespace();
     let mut number = || -> Result<f64, String> {
         let word = words.next().ok_or("a line has fewer numbers than the header says")?;
         word.parse().map_err(|_| format!("'{word}' is no number"))

@@ -49,6 +49,10 @@ pub(super) fn read_faces(
     let Some((faces, between)) = layout.after.split_last() else {
         return Err("it has no faces after its vertices; open it as a cloud".to_owned().into());
     };
+    if faces.properties.is_empty() {
+        let what = "its faces have no list of corners ('property list … vertex_indices'); export the mesh again";
+        return Err(what.to_owned().into());
+    }
     between.iter().try_for_each(|element| skip(reader, layout, element, progress))?;
     let mut triangles = Vec::new();
     for index in 0..faces.count {

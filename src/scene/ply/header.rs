@@ -10,6 +10,9 @@ use crate::engine::disk;
 /// A header longer than this is no PLY header.
 const MAX_HEADER_BYTES: usize = 4 << 20;
 
+/// What Windows editors and some exporters put before text in UTF-8.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
 /// What a file's header says about its vertices.
 #[derive(Debug)]
 pub(super) struct Layout {
@@ -23,13 +26,44 @@ pub(super) struct Layout {
     pub(super) after: Vec<ElementDef>,
     /// Slot of each vertex property, in the file's order; `None` = a list.
     pub(super) columns: Vec<Option<Slot>>,
-    /// Factor from a stored colour to 0–255.
-    pub(super) color_scale: f64,
+    /// How colours are stored.
+    pub(super) colors: StoredColors,
     /// Whether the positions are stored in 64 bits.
     pub(super) double_positions: bool,
 }
 
+/// How a file stores its colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum StoredColors {
+    /// 0 to 255.
+    Bytes,
+    /// A wider type, whose range only the values show: 0 to 1, 0 to 255 or 0 to 65535.
+    Wide {
+        /// Whether the type is a floating one.
+        floating: bool,
+    },
+}
+
 impl Layout {
+    /// Checks that a file of `bytes` bytes can hold what its header lists, before any of it is read: a header can claim
+    /// any number of points or faces.
+    pub(super) fn check_counts(&self, bytes: u64) -> Result<(), String> {
+        for element in self.before.iter().chain([&self.vertex]).chain(&self.after) {
+            let each = match self.encoding {
+                Encoding::Ascii => 1,
+                _ => element.properties.iter().map(|(_, property)| least_bytes(&property.data_type)).sum(),
+            };
+            if (element.count as u64).saturating_mul(each) > bytes {
+                return Err(format!(
+                    "its header lists {} of the element '{}', but the file has only {bytes} bytes and ends early; it is \
+                     damaged or cut off",
+                    element.count, element.name
+                ));
+            }
+        }
+        Ok(())
+    }
+
     /// Whether the file has this property.
     pub(super) fn has(&self, slot: Slot) -> bool {
         self.columns.contains(&Some(slot))
@@ -71,7 +105,7 @@ impl Layout {
             vertex: ElementDef::new(found.name),
             after,
             columns: Vec::new(),
-            color_scale: 1.0,
+            colors: StoredColors::Bytes,
             double_positions: false,
         };
         layout.vertex.count = found.count;
@@ -89,7 +123,7 @@ impl Layout {
         let column = self.columns.len();
         if let PropertyType::Scalar(scalar) = &data_type {
             match slot {
-                Slot::Red => self.color_scale = color_scale(scalar),
+                Slot::Red | Slot::Green | Slot::Blue => self.colors = self.colors.with(scalar),
                 Slot::X => self.double_positions = *scalar == ScalarType::Double,
                 _ => {}
             }
@@ -111,6 +145,9 @@ fn header_lines(reader: &mut impl BufRead) -> Result<Vec<String>, String> {
         let mut limited = std::io::Read::take(&mut *reader, MAX_HEADER_BYTES as u64);
         limited.read_until(b'\n', &mut line).map_err(|error| format!("its header cannot be read ({error})"))?;
         bytes += line.len();
+        if lines.is_empty() && line.starts_with(BYTE_ORDER_MARK) {
+            line.drain(..BYTE_ORDER_MARK.len());
+        }
         if lines.is_empty() && line.trim_ascii() != b"ply" {
             return Err("it does not begin with 'ply', so it is no PLY file".into());
         }
@@ -183,11 +220,29 @@ fn slot_of(name: &str) -> Option<(Slot, usize)> {
     NAMES.iter().find_map(|&(slot, names)| Some((slot, names.iter().position(|&known| known == plain)?)))
 }
 
-fn color_scale(scalar: &ScalarType) -> f64 {
+impl StoredColors {
+    /// The storage of all channels, when one more is stored as `scalar`.
+    fn with(self, scalar: &ScalarType) -> Self {
+        let floating = match scalar {
+            ScalarType::Char | ScalarType::UChar => return self,
+            ScalarType::Float | ScalarType::Double => true,
+            _ => false,
+        };
+        Self::Wide { floating: floating || self == Self::Wide { floating: true } }
+    }
+}
+
+/// Least number of bytes that a property takes in a binary file.
+fn least_bytes(data_type: &PropertyType) -> u64 {
+    let scalar = match data_type {
+        PropertyType::Scalar(scalar) => scalar,
+        PropertyType::List(count, _) => count,
+    };
     match scalar {
-        ScalarType::Float | ScalarType::Double => 255.0,
-        ScalarType::UShort => 1.0 / 257.0,
-        _ => 1.0,
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
     }
 }
 

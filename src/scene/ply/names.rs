@@ -1,6 +1,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::masks::{Label, LabelId, LabelTree};
+use crate::masks::{Label, LabelId, LabelTree, MAX_DEPTH};
 
 /// The comment lines that keep a label tree in a PLY header: `label ID PARENT NAME`, then `color ID RRGGBB`. They are
 /// ASCII, which is all that PLY headers may hold (plyfile refuses anything else).
@@ -18,24 +18,25 @@ pub(in crate::scene) fn comments_of(tree: &LabelTree) -> Vec<String> {
 
 /// The label tree kept in a header's comments; lines that are no label or colour are other people's and are left alone.
 ///
-/// A parent that is missing or makes a circle is dropped (the label comes to the top level); a name that is taken gets a
-/// number: `leaf (2)`.
+/// A parent that is missing, makes a circle or lies too deep is dropped (the label comes to the top level); a name that is
+/// taken gets a number: `leaf (2)`.
 pub(super) fn tree_from_comments(comments: &[String]) -> LabelTree {
-    let mut waiting: Vec<Label> = comments.iter().filter_map(|comment| label_from(comment)).collect();
-    let mut known = BTreeSet::new();
-    waiting.retain(|label| known.insert(label.id));
-    number_repeated_names(&mut waiting);
+    let mut labels: Vec<Label> = comments.iter().filter_map(|comment| label_from(comment)).collect();
+    let mut listed = BTreeSet::new();
+    labels.retain(|label| listed.insert(label.id));
+    number_repeated_names(&mut labels);
+    let mut below: BTreeMap<Option<LabelId>, Vec<Label>> = BTreeMap::new();
+    for mut label in labels {
+        label.parent = label.parent.filter(|parent| listed.contains(parent));
+        below.entry(label.parent).or_default().push(label);
+    }
     let mut tree = LabelTree::default();
-    while !waiting.is_empty() {
-        let ready = |label: &Label| label.parent.is_none_or(|parent| tree.get(parent).is_some());
-        let (now, later): (Vec<Label>, Vec<Label>) = waiting.into_iter().partition(ready);
-        waiting = later;
-        if now.is_empty() {
-            waiting.iter_mut().for_each(|label| label.parent = None);
-        }
-        for label in now {
-            // The invariants hold: parent present, name free, id new and not 0.
-            let _ = tree.set(label);
+    // The top level comes first; what is left after it are circles, of which one label each comes to the top.
+    while let Some((_, mut open)) = below.pop_first() {
+        open.reverse();
+        while let Some(label) = open.pop() {
+            open.extend(below.remove(&Some(label.id)).unwrap_or_default().into_iter().rev());
+            add(&mut tree, label);
         }
     }
     for (id, color) in comments.iter().filter_map(|comment| color_from(comment)) {
@@ -105,6 +106,12 @@ fn unescaped(text: &str) -> String {
     }
     name.push_str(rest);
     name
+}
+
+fn add(tree: &mut LabelTree, mut label: Label) {
+    label.parent = label.parent.filter(|&parent| (1..MAX_DEPTH).contains(&tree.depth(parent)));
+    // The invariants hold: parent present, name free, id new and not 0.
+    let _ = tree.set(label);
 }
 
 fn recolor(tree: &mut LabelTree, id: LabelId, color: [u8; 3]) {

@@ -7,7 +7,7 @@ use ply_rs::ply::{ElementDef, Encoding};
 
 use super::ascii;
 use super::faces::read_faces;
-use super::header::{Layout, first_line};
+use super::header::{Layout, StoredColors, first_line};
 use super::names::tree_from_comments;
 use super::vertex::{Slot, Vertex};
 use crate::engine::disk;
@@ -32,7 +32,7 @@ pub struct PlyCloud {
     /// Whether the file has colours.
     pub has_colors: bool,
     /// What the user should know: points dropped because their position is no finite number (organised clouds mark
-    /// holes so), positions that lose digits in 32 bits.
+    /// holes so), positions that lose digits in 32 bits, labels that mean "none", the range that colours were taken for.
     pub warnings: Vec<String>,
 }
 
@@ -42,7 +42,8 @@ pub struct PlyCloud {
 ///
 /// # Errors
 /// [`SceneError::Io`]; [`SceneError::Invalid`] for a file that is no PLY file, has no vertices, is cut off, or has a
-/// label that is no whole number from 0 to 65535; [`SceneError::Stopped`].
+/// label that is no whole number up to 65535; [`SceneError::Stopped`]. Negative labels, NaN and −1 stored without a sign
+/// mean "none" in other programs and are read as 0, with a warning.
 pub fn read_ply(path: &Path, progress: &Progress) -> Result<PlyCloud, SceneError> {
     let io = |source| SceneError::Io { path: path.to_path_buf(), source };
     let file = disk::open_regular(path).map_err(io)?;
@@ -105,6 +106,7 @@ fn read_vertices(
     bytes: u64,
     progress: &Progress,
 ) -> Result<PlyCloud, Fault> {
+    layout.check_counts(bytes)?;
     layout.before.iter().try_for_each(|element| skip(reader, layout, element, progress))?;
     let count = layout.vertex.count;
     // A header can claim any number of points: never reserve more than the file can hold.
@@ -169,10 +171,14 @@ pub(super) fn skip(
 /// Gathers vertices into a cloud.
 struct Builder {
     cloud: LabelledCloud,
-    color_scale: f64,
+    /// Colours as stored, where their range is known only at the end.
+    wide_colors: Vec<[f32; 3]>,
+    colors: StoredColors,
     has_colors: bool,
     has_confidence: bool,
     dropped: usize,
+    /// Points whose label means "none", and the first such label.
+    without_label: Option<(usize, f64)>,
     farthest: f64,
 }
 
@@ -188,10 +194,12 @@ impl Builder {
         };
         Self {
             cloud,
-            color_scale: layout.color_scale,
+            wide_colors: Vec::new(),
+            colors: layout.colors,
             has_colors: layout.has(Slot::Red) && layout.has(Slot::Green) && layout.has(Slot::Blue),
             has_confidence: layout.has(Slot::Confidence),
             dropped: 0,
+            without_label: None,
             farthest: 0.0,
         }
     }
@@ -203,11 +211,22 @@ impl Builder {
             self.dropped += 1;
             return Ok(());
         }
-        let label = label_id(vertex.at(Slot::Label))?;
+        let stored = vertex.at(Slot::Label);
+        let label = if means_no_label(stored) {
+            self.without_label.get_or_insert((0, stored)).0 += 1;
+            LabelId::NONE
+        } else {
+            label_id(stored)?
+        };
         self.farthest = self.farthest.max(exact.abs().max_element());
         self.cloud.positions.push(position);
         self.cloud.normals.push(self.normal(vertex));
-        self.cloud.colors.push(self.color(vertex));
+        let color = [Slot::Red, Slot::Green, Slot::Blue].map(|slot| vertex.at(slot));
+        match self.colors {
+            _ if !self.has_colors => self.cloud.colors.push([192; 3]),
+            StoredColors::Bytes => self.cloud.colors.push(color.map(|channel| channel as u8)),
+            StoredColors::Wide { .. } => self.wide_colors.push(color.map(|channel| channel as f32)),
+        }
         self.cloud.labels.push(label);
         self.cloud.confidence.push(self.confidence(vertex, label));
         Ok(())
@@ -219,11 +238,28 @@ impl Builder {
         if normal.is_normalized() { normal } else { normal.normalize_or_zero() }
     }
 
-    fn color(&self, vertex: &Vertex) -> [u8; 3] {
+    /// Brings colours of a wide type to 0–255. Returns what the user should know about the range that was taken.
+    fn scale_colors(&mut self) -> Option<String> {
+        let StoredColors::Wide { floating } = self.colors else { return None };
         if !self.has_colors {
-            return [192; 3];
+            return None;
         }
-        [Slot::Red, Slot::Green, Slot::Blue].map(|slot| (vertex.at(slot) * self.color_scale).round() as u8)
+        let channels = || self.wide_colors.iter().flatten().copied();
+        let highest = channels().filter(|channel| channel.is_finite()).fold(0.0f32, f32::max);
+        // A little above the end of a range is rounding.
+        let (range, usual) = match highest {
+            _ if floating && highest <= 1.01 => (1.0, true),
+            _ if highest <= 255.5 => (255.0, !floating),
+            _ => (65_535.0, !floating),
+        };
+        let outside = channels().filter(|channel| !(0.0..=range * 1.01).contains(channel)).count();
+        let scale = 255.0 / range;
+        self.cloud.colors = self.wide_colors.iter().map(|color| color.map(|c| (c * scale).round() as u8)).collect();
+        let taken = (!usual).then(|| format!("colours go up to {highest} and were taken as 0 to {range}"));
+        let outside = (outside > 0).then(|| {
+            format!("{outside} colour values are NaN, negative or above {range} and were set to the nearest colour")
+        });
+        Some([taken, outside].into_iter().flatten().collect::<Vec<_>>().join("; ")).filter(|text| !text.is_empty())
     }
 
     fn confidence(&self, vertex: &Vertex, label: LabelId) -> f32 {
@@ -238,7 +274,10 @@ impl Builder {
         used.sort_unstable();
         used.dedup();
         name_unknown_labels(&mut self.cloud.tree, used);
-        let mut warnings = Vec::new();
+        let mut warnings: Vec<String> = self.scale_colors().into_iter().collect();
+        if let Some((count, first)) = self.without_label {
+            warnings.push(format!("{count} points have a label that means none (such as {first}) and are unlabelled"));
+        }
         if self.dropped > 0 {
             warnings.push(format!("{} points without a finite position were left out", self.dropped));
         }
@@ -258,6 +297,14 @@ impl Builder {
             warnings,
         }
     }
+}
+
+/// Whether a stored label is one of those that other programs give to points without a label: NaN, a negative whole
+/// number (−1 for noise, −100 for "ignore"), or −1 in 32 bits without a sign.
+fn means_no_label(value: f64) -> bool {
+    let whole = value.round();
+    let unsigned = [f64::from(u32::MAX), f64::from(u32::MAX as f32)];
+    value.is_nan() || (whole < 0.0 && (value - whole).abs() <= 1e-3) || unsigned.contains(&value)
 }
 
 /// A stored label as an id; files keep them as any integer or floating type.

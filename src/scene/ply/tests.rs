@@ -131,7 +131,7 @@ fn label_names_win_over_lesser_names_and_repeated_properties_do_not_shift_column
 fn what_is_wrong_is_said() {
     let header = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nproperty int label\nend_header\n";
     let fault = |text: String| read(text.as_bytes()).unwrap_err();
-    assert!(fault(format!("{header}1 2 3 -1\n")).contains("label -1"));
+    assert!(fault(format!("{header}1 2 3 1.5\n")).contains("label 1.5"));
     assert!(fault(format!("{header}1 2 3 65536\n")).contains("label 65536"));
     assert!(fault(format!("{header}1 2 3\n")).contains("fewer numbers"));
     assert!(fault(format!("{header}1 2 3 a\n")).contains("'a' is no number"));
@@ -160,6 +160,76 @@ fn a_header_that_claims_too_many_points_ends_in_an_error() {
         u64::MAX / 2
     );
     assert!(read(header.as_bytes()).unwrap_err().contains("ends early"));
+}
+
+#[test]
+fn counts_are_checked_against_the_size_of_the_file() {
+    let vertices = "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
+    for (encoding, points) in [("ascii", &b"0 0 0\n"[..]), ("binary_little_endian", &[0; 12])] {
+        for (properties, what) in [("", "faces"), ("property list uchar int vertex_indices\n", "'face'")] {
+            let mut bytes = format!(
+                "ply\nformat {encoding} 1.0\n{vertices}element face 9223372036854775807\n{properties}end_header\n"
+            )
+            .into_bytes();
+            bytes.extend(points);
+            let dir = tempfile::tempdir().unwrap();
+            let path = dir.path().join("m.ply");
+            std::fs::write(&path, &bytes).unwrap();
+            let error = super::read_mesh(&path, &Progress::default()).unwrap_err().to_string();
+            assert!(error.contains(what) || error.contains("'face'"), "{error}");
+        }
+    }
+}
+
+#[test]
+fn labels_that_mean_none_are_unlabelled_with_a_warning() {
+    for (kind, stored) in [("int", "-1"), ("int", "-100"), ("float", "nan"), ("float", "-1"), ("uint", "4294967295")] {
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nproperty {kind} label\nend_header\n1 2 3 {stored}\n1 2 3 4\n"
+        );
+        let read = read(text.as_bytes()).unwrap();
+        assert_eq!(read.cloud.labels, [LabelId(0), LabelId(4)]);
+        assert!(read.warnings[0].starts_with("1 points have a label that means none"), "{:?}", read.warnings);
+    }
+}
+
+#[test]
+fn the_range_of_colours_follows_their_values() {
+    for (kind, stored, expected, warnings) in [
+        ("float", "0 0.5 1", [0, 128, 255], 0),
+        ("float", "0 127.6 255", [0, 128, 255], 1),
+        ("double", "3 200 40", [3, 200, 40], 1),
+        ("float", "-1 nan 0.5", [0, 0, 128], 1),
+        ("ushort", "0 32896 65535", [0, 128, 255], 0),
+        ("ushort", "0 128 255", [0, 128, 255], 0),
+        ("int", "0 128 255", [0, 128, 255], 0),
+        ("uchar", "0 1 255", [0, 1, 255], 0),
+    ] {
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nproperty {kind} red\nproperty {kind} green\nproperty {kind} blue\nend_header\n1 2 3 {stored}\n"
+        );
+        let read = read(text.as_bytes()).unwrap();
+        assert_eq!(read.cloud.colors, [expected], "{kind} {stored}");
+        assert_eq!(read.warnings.len(), warnings, "{kind} {stored}: {:?}", read.warnings);
+    }
+}
+
+#[test]
+fn byte_order_marks_are_skipped() {
+    let header =
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    for text in [format!("\u{feff}{header}1 2 3\n"), format!("{header}\u{feff}1 2 3\n")] {
+        assert_eq!(read(text.as_bytes()).unwrap().cloud.positions, [Vec3::new(1.0, 2.0, 3.0)]);
+    }
+}
+
+#[test]
+fn many_labels_of_one_name_in_one_chain_are_kept_apart() {
+    let comments: Vec<String> = (1..=65_535).map(|id| format!("label {id} {} a", id - 1)).collect();
+    let tree = super::names::tree_from_comments(&comments);
+    assert_eq!(tree.iter().count(), 65_535);
+    assert_eq!([1, 2, 3].map(|id| tree.get(LabelId(id)).unwrap().name.as_str()), ["a", "a'", "a (3)"]);
+    assert!(tree.iter().all(|label| tree.depth(label.id) <= crate::masks::MAX_DEPTH));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Deserializer, Serializer, de::Error};
 
-use crate::masks::{LabelId, RunMask};
+use crate::masks::{LabelId, MaskError, RunMask};
 
 /// Writes the runs.
 pub fn serialize<S: Serializer>(mask: &Arc<RunMask>, serializer: S) -> Result<S::Ok, S::Error> {
@@ -21,15 +21,17 @@ pub fn serialize<S: Serializer>(mask: &Arc<RunMask>, serializer: S) -> Result<S:
 /// Reads runs that [`serialize`] wrote.
 pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<RunMask>, D::Error> {
     let text = std::borrow::Cow::<'de, str>::deserialize(deserializer)?;
-    parse(&text).map(Arc::new).ok_or_else(|| D::Error::custom("the runs of a mask are damaged"))
+    let damaged = || D::Error::custom("the runs of a mask are damaged");
+    parse(&text).ok_or_else(damaged)?.map(Arc::new).map_err(D::Error::custom)
 }
 
-fn parse(text: &str) -> Option<RunMask> {
+/// The mask in a text of the right form; the inner error is that of [`RunMask::new`].
+fn parse(text: &str) -> Option<Result<RunMask, MaskError>> {
     let mut words = text.split(' ');
     let (width, height) = words.next()?.split_once('x')?;
     let runs = words.map(|word| {
         let (id, length) = word.split_once('*')?;
         Some((LabelId(id.parse().ok()?), length.parse().ok()?))
     });
-    Some(RunMask { width: width.parse().ok()?, height: height.parse().ok()?, runs: runs.collect::<Option<_>>()? })
+    Some(RunMask::new(width.parse().ok()?, height.parse().ok()?, runs.collect::<Option<_>>()?))
 }
