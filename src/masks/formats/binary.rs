@@ -5,7 +5,7 @@ use super::adopt::{Adoption, Newcomer};
 use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
 use super::files::{FoundFile, in_parallel, invalid, list_files, write_whole};
 use super::frame_names::NameIndex;
-use super::labels_json::{read_labels_json, write_labels_json};
+use super::labels_json::{listed_labels, write_labels_json};
 use super::layers::{contested_warning, stacked};
 use super::png_values::{PngValues, Stored, encode_png};
 use crate::engine::job::Progress;
@@ -22,7 +22,8 @@ pub(super) fn import(
     let folders = label_folders(dir)?;
     let index = NameIndex::new(frames.iter().map(|frame| frame.name));
     let mut adoption = Adoption::new(tree, highest_number(folders.keys()));
-    let names = adopted_folders(&mut adoption, read_labels_json(dir)?.as_ref())?;
+    let listed = listed_labels(dir)?;
+    let names = adopted_folders(&mut adoption, listed.tree.as_ref())?;
     let mut unmatched = Vec::new();
     let mut by_frame: BTreeMap<usize, Vec<(LabelId, &FoundFile)>> = BTreeMap::new();
     for (folder, files) in &folders {
@@ -40,7 +41,8 @@ pub(super) fn import(
     let read = in_parallel(&jobs, progress, |(frame, files)| frame_mask(&frames[*frame], files, adoption.tree()))?;
     let contested = read.iter().map(|(_, contested)| contested).sum();
     let masks = jobs.iter().map(|job| job.0).zip(read.into_iter().map(|(mask, _)| mask)).collect();
-    let warnings = unmatched_warning(&unmatched).into_iter().chain(contested_warning(contested)).collect();
+    let decided = unmatched_warning(&unmatched).into_iter().chain(contested_warning(contested));
+    let warnings = listed.warning.into_iter().chain(decided).collect();
     Ok(Imported { masks, new_labels: adoption.into_added(), warnings })
 }
 
@@ -66,7 +68,7 @@ fn label_folders(dir: &Path) -> Result<BTreeMap<String, Vec<FoundFile>>, MaskErr
     let mut folders: BTreeMap<String, Vec<FoundFile>> = BTreeMap::new();
     for file in list_files(dir, &["png"])? {
         let Some((folder, stem)) = file.stem.split_once('/') else {
-            let what = "lies beside the labels' folders; binary masks lie as LABEL/FRAME.png (label ids in one picture: use format davis)";
+            let what = "is not in the folder of a label; binary masks lie as LABEL/FRAME.png (for label ids in one image use --format davis)";
             return Err(invalid(&file.path, what));
         };
         let found = FoundFile { path: file.path.clone(), stem: stem.to_owned() };
@@ -117,7 +119,7 @@ fn frame_mask(
 ) -> Result<(RunMask, usize), MaskError> {
     let (mask, contested) = stacked((frame.width, frame.height), files.to_vec(), tree, |file, emit| {
         let values = PngValues::read(&file.path, Some((frame.name, frame.width, frame.height)))?;
-        let ids = values.into_ids(&file.path, None)?.ids;
+        let ids = values.into_ids(&file.path, None)?.mask.ids;
         let half = ids.iter().map(|id| id.0).max().unwrap_or(0) / 2;
         let mut start = 0;
         for run in ids.chunk_by(|a, b| (a.0 > half) == (b.0 > half)) {

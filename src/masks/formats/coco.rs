@@ -1,27 +1,32 @@
+use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::DVec2;
 
-use super::adopt::{Adoption, Newcomer};
-use super::coco_json::{Annotation, Category, Counts, Dataset, ImageEntry, Segmentation};
+use super::adopt::Adoption;
+use super::coco_categories::{CategoryLabels, adopt_categories};
+use super::coco_json::{self, Annotation, Category, Counts, Dataset, Entry, Id, ImageEntry, Segmentation};
 use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
-use super::files::{FoundFile, in_parallel, invalid, io_error, list_files, write_whole};
+use super::files::{FoundFile, in_parallel, invalid, io_error, list_files, read_text, write_whole};
 use super::frame_names::NameIndex;
 use super::layers::{contested_warning, stacked};
 use super::png_values::size_fault;
 use super::rle;
+use super::skipped::Skipped;
 use crate::engine::job::Progress;
 use crate::masks::edit::polygon_spans;
 use crate::masks::{Extent, Label, LabelId, LabelTree, MaskError, RunMask};
 
 /// The file that an export writes.
 const FILE: &str = "annotations.json";
+/// Coordinates farther out than this, in pixels, are damaged: no image is as large.
+const MAX_COORDINATE: f64 = 1e6;
 
 /// Reads a COCO JSON: `path` itself, or in a folder `annotations.json` or the only JSON that is there. All annotations
-/// of a category on a picture are one label's pixels. A picture without outlines gets no mask: such files list every
-/// picture, the unlabelled too.
+/// of a category on an image are one label's pixels. An image without outlines gets no mask: such files list every image,
+/// the unlabelled too. Entries that cannot be used are left out and counted in the warnings.
 pub(super) fn import(
     path: &Path,
     frames: &[MaskFrame<'_>],
@@ -29,55 +34,99 @@ pub(super) fn import(
     progress: &Progress,
 ) -> Result<Imported, MaskError> {
     let path = dataset_file(path)?;
-    let text = std::fs::read(&path).map_err(io_error(&path))?;
-    let dataset: Dataset = serde_json::from_slice(&text)
-        .map_err(|error| invalid(&path, format!("is no COCO JSON ({error}); export it anew")))?;
-    let (frame_of_image, unmatched) = images_by_frame(&path, &dataset.images, frames)?;
-    let mut drawn: BTreeMap<usize, Vec<Drawn<'_>>> = BTreeMap::new();
-    let mut outlineless = 0;
-    for annotation in &dataset.annotations {
-        match (frame_of_image.get(&annotation.image_id), outline_of(annotation)) {
-            (None, _) => {}
-            (Some(_), None) => outlineless += 1,
-            (Some(&frame), Some(outline)) => drawn.entry(frame).or_default().push(Drawn { annotation, outline }),
+    let dataset = coco_json::parse(&read_text(&path)?)
+        .map_err(|error| invalid(&path, format!("is not a COCO JSON file ({error}); export it again")))?;
+    let mut skipped = Skipped::default();
+    let images = images_by_frame(&path, &dataset.images, frames, &mut skipped)?;
+    let (annotations, without_outline) = drawn_by_frame(&dataset, &images, &mut skipped);
+    let mut adoption = Adoption::new(tree, LabelId::NONE);
+    let used = annotations.values().flatten().map(|drawn| &drawn.annotation.category_id).collect();
+    let categories: Vec<&Category> =
+        readable(&dataset.categories, "categories without id or name were left out", &mut skipped);
+    let CategoryLabels { labels, warnings } =
+        adopt_categories(&categories, &used, &mut adoption).map_err(|error| invalid(&path, error.to_string()))?;
+    let jobs: Vec<(usize, Vec<Drawn<'_>>)> = annotations.into_iter().collect();
+    let read =
+        in_parallel(&jobs, progress, |(frame, drawn)| frame_mask(&frames[*frame], drawn, &labels, adoption.tree()))?;
+    let mut masks = BTreeMap::new();
+    let mut contested = 0;
+    for ((frame, _), read) in jobs.iter().zip(read) {
+        skipped.join(read.skipped);
+        contested += read.contested;
+        // A mask without labels would replace one that the frame has.
+        if read.mask.runs.iter().any(|run| run.0 != LabelId::NONE) {
+            masks.insert(*frame, read.mask);
         }
     }
-    let used = drawn.values().flatten().map(|drawn| drawn.annotation.category_id).collect();
-    let mut adoption = Adoption::new(tree, LabelId::NONE);
-    let labels =
-        adopted(&dataset.categories, &used, &mut adoption).map_err(|error| invalid(&path, error.to_string()))?;
-    let without_mask = frame_of_image.len() - drawn.len();
-    let jobs: Vec<(usize, Vec<Drawn<'_>>)> = drawn.into_iter().collect();
-    let read = in_parallel(&jobs, progress, |(frame, drawn)| {
-        frame_mask(&path, &frames[*frame], drawn, &labels, adoption.tree())
-    })?;
-    let contested = read.iter().map(|(_, contested)| contested).sum();
-    let masks = jobs.iter().map(|job| job.0).zip(read.into_iter().map(|(mask, _)| mask)).collect();
+    if masks.is_empty() && !skipped.is_empty() {
+        let faults: Vec<String> = skipped.warnings().collect();
+        return Err(invalid(&path, format!("no annotation can be used: {}", faults.join("; "))));
+    }
+    let without_mask = images.frames().len() - masks.len();
     let counted = [
-        (without_mask, "pictures have no outlines and got no mask"),
-        (outlineless, "annotations have no outline (boxes only) and were left out"),
+        (without_mask, "images have no outlines and got no mask"),
+        (without_outline, "annotations have no outline (boxes only) and were left out"),
     ];
     let counted = counted.into_iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
-    let warnings =
-        unmatched_warning(&unmatched).into_iter().chain(contested_warning(contested)).chain(counted).collect();
+    let decided = unmatched_warning(&images.unmatched).into_iter().chain(contested_warning(contested));
+    let warnings = decided.chain(counted).chain(warnings).chain(skipped.warnings()).collect();
     Ok(Imported { masks, new_labels: adoption.into_added(), warnings })
+}
+
+/// The annotations that have an outline, by frame, and how many have none.
+fn drawn_by_frame<'d>(
+    dataset: &'d Dataset,
+    images: &Images<'_>,
+    skipped: &mut Skipped,
+) -> (BTreeMap<usize, Vec<Drawn<'d>>>, usize) {
+    let mut drawn: BTreeMap<usize, Vec<Drawn<'_>>> = BTreeMap::new();
+    let mut without_outline = 0;
+    let what = "annotations without image or category were left out";
+    for annotation in readable(&dataset.annotations, what, skipped) {
+        let place = || format!("annotation {}", annotation.id);
+        match (images.frame_of_id.get(&annotation.image_id), outline_of(annotation)) {
+            (None, _) => skipped.add("annotations of an image that is not listed were left out", place()),
+            (Some(None), _) => {}
+            (Some(Some(_)), None) => without_outline += 1,
+            (Some(&Some(frame)), Some(outline)) => {
+                drawn.entry(frame).or_default().push(Drawn { annotation, outline });
+            }
+        }
+    }
+    (drawn, without_outline)
+}
+
+/// The entries that could be read; the others are counted.
+fn readable<'e, T>(entries: &'e [Entry<T>], what: &'static str, skipped: &mut Skipped) -> Vec<&'e T> {
+    let mut found = Vec::with_capacity(entries.len());
+    for (at, entry) in (1..).zip(entries) {
+        match entry.read() {
+            Some(entry) => found.push(entry),
+            None => skipped.add(what, format!("entry {at}")),
+        }
+    }
+    found
 }
 
 /// Writes `annotations.json`: one annotation per frame and label, regions as packed run lengths, category id = label id.
 pub(super) fn export(dir: &Path, export: &Export<'_>, progress: &Progress) -> Result<(), MaskError> {
-    let image = |&(frame, mask): &(usize, &RunMask)| ImageEntry {
-        id: image_id(frame),
-        file_name: export.frames[frame].name.to_owned(),
-        width: mask.width,
-        height: mask.height,
+    let image = |&(frame, mask): &(usize, &RunMask)| {
+        Entry::Read(ImageEntry {
+            id: image_id(frame),
+            file_name: export.frames[frame].name.to_owned(),
+            width: Some(mask.width),
+            height: Some(mask.height),
+        })
     };
     let per_frame = in_parallel(&export.masks, progress, |&(frame, mask)| Ok(annotations(frame, mask)))?;
     let mut annotations: Vec<Annotation> = per_frame.into_iter().flatten().collect();
-    for (id, annotation) in (1..).zip(&mut annotations) {
-        annotation.id = id;
+    for (id, annotation) in (1i64..).zip(&mut annotations) {
+        annotation.id = id.into();
     }
     let images = export.masks.iter().map(image).collect();
-    let dataset = Dataset { images, annotations, categories: categories(export)? };
+    let annotations = annotations.into_iter().map(Entry::Read).collect();
+    let categories = categories(export)?.into_iter().map(Entry::Read).collect();
+    let dataset = Dataset { images, annotations, categories };
     let path = dir.join(FILE);
     let text = serde_json::to_vec(&dataset).map_err(|error| io_error(&path)(error.into()))?;
     write_whole(&path, &text)
@@ -98,72 +147,78 @@ fn dataset_file(path: &Path) -> Result<PathBuf, MaskError> {
     }
 }
 
-/// The frame of each picture that has one, by the picture's id, and the names of the others.
+/// The images of a file.
+struct Images<'i> {
+    /// The frame of each image, `None` for one that belongs to no frame, by the image's id.
+    frame_of_id: BTreeMap<&'i Id, Option<usize>>,
+    /// The names of images that belong to no frame.
+    unmatched: Vec<&'i str>,
+}
+
+impl Images<'_> {
+    fn frames(&self) -> BTreeSet<usize> {
+        self.frame_of_id.values().copied().flatten().collect()
+    }
+}
+
 fn images_by_frame<'i>(
     path: &Path,
-    images: &'i [ImageEntry],
+    images: &'i [Entry<ImageEntry>],
     frames: &[MaskFrame<'_>],
-) -> Result<(BTreeMap<i64, usize>, Vec<&'i str>), MaskError> {
+    skipped: &mut Skipped,
+) -> Result<Images<'i>, MaskError> {
     let index = NameIndex::new(frames.iter().map(|frame| frame.name));
-    let entry = |image: &ImageEntry| FoundFile {
-        path: PathBuf::from(&image.file_name),
-        stem: index.stem_of(&image.file_name.replace('\\', "/")).to_owned(),
-    };
-    let entries: Vec<FoundFile> = images.iter().map(entry).collect();
-    let frame_of_stem: BTreeMap<&str, usize> =
-        index.match_files(path, &entries)?.pairs.into_iter().map(|(frame, file)| (file.stem.as_str(), frame)).collect();
-    let mut by_id = BTreeMap::new();
-    let mut unmatched = Vec::new();
-    for (image, entry) in images.iter().zip(&entries) {
-        let Some(&frame) = frame_of_stem.get(entry.stem.as_str()) else {
-            unmatched.push(image.file_name.as_str());
+    let images = readable(images, "images without id or file name were left out", skipped);
+    let names: Vec<String> = images.iter().map(|image| plain_path(&image.file_name)).collect();
+    // Merged sets list an image once for each set; it is one file all the same.
+    let different: BTreeSet<&str> = names.iter().map(String::as_str).collect();
+    let entry = |name: &str| FoundFile { path: name.into(), stem: index.stem_of(name).to_owned() };
+    let entries: Vec<FoundFile> = different.into_iter().map(entry).collect();
+    let matched = index.match_files(path, &entries)?.pairs;
+    let frame_of_name: BTreeMap<&Path, usize> =
+        matched.into_iter().map(|(frame, file)| (file.path.as_path(), frame)).collect();
+    let mut found = Images { frame_of_id: BTreeMap::new(), unmatched: Vec::new() };
+    let mut listed: BTreeMap<&Id, &str> = BTreeMap::new();
+    let mut entry_of_name: BTreeSet<&str> = BTreeSet::new();
+    for (image, name) in images.into_iter().zip(&names) {
+        if let Some(other) = listed.insert(&image.id, name).filter(|other| other != name) {
+            let what = format!("the image id {} is listed for '{other}' and for '{name}'; give each its own", image.id);
+            return Err(invalid(path, what));
+        }
+        let place = || format!("'{}'", image.file_name);
+        if !entry_of_name.insert(name) {
+            skipped.add("images are listed more than once; the annotations of all entries were taken", place());
+        }
+        let frame = frame_of_name.get(Path::new(name)).copied();
+        found.frame_of_id.insert(&image.id, frame);
+        let Some(frame) = frame else {
+            found.unmatched.push(&image.file_name);
             continue;
         };
         let size = (frames[frame].width, frames[frame].height);
-        if (image.width, image.height) != size {
-            let fault = size_fault((image.width, image.height), frames[frame].name, size);
-            return Err(invalid(path, format!("the picture '{}' {fault}", image.file_name)));
+        match image.width.zip(image.height) {
+            None => skipped.add("images have no size; their outlines are taken to be in the frame's pixels", place()),
+            Some(its) if its != size => {
+                let fault = size_fault(its, frames[frame].name, size);
+                return Err(invalid(path, format!("the image '{}' {fault}", image.file_name)));
+            }
+            Some(_) => {}
         }
-        by_id.insert(image.id, frame);
     }
-    if by_id.is_empty() {
-        return Err(nothing_fits(path, unmatched.first().copied().unwrap_or_default(), frames));
+    if found.frames().is_empty() {
+        return Err(nothing_fits(path, found.unmatched.first().copied().unwrap_or_default(), frames));
     }
-    Ok((by_id, unmatched))
+    Ok(found)
 }
 
-/// The label of every used category.
-fn adopted(
-    categories: &[Category],
-    used: &BTreeSet<i64>,
-    adoption: &mut Adoption,
-) -> Result<BTreeMap<i64, LabelId>, MaskError> {
-    let mut labels = BTreeMap::new();
-    for category in categories.iter().filter(|category| used.contains(&category.id)) {
-        labels.insert(category.id, adopted_with_parents(&category.name, categories, adoption)?);
-    }
-    Ok(labels)
-}
-
-/// The label of a category, after those above it.
-fn adopted_with_parents(name: &str, categories: &[Category], adoption: &mut Adoption) -> Result<LabelId, MaskError> {
-    let mut chain = vec![name];
-    while let Some(above) = supercategory(chain[chain.len() - 1], categories).filter(|above| !chain.contains(above)) {
-        chain.push(above);
-    }
-    let mut parent = None;
-    for name in chain.into_iter().rev() {
-        let category = categories.iter().find(|category| category.name == name);
-        let id = category.and_then(|category| u16::try_from(category.id).ok()).map(LabelId);
-        let color = category.and_then(|category| category.color);
-        parent = Some(adoption.named(&Newcomer { name, id, parent, color })?);
-    }
-    Ok(parent.unwrap_or_default())
-}
-
-fn supercategory<'c>(name: &str, categories: &'c [Category]) -> Option<&'c str> {
-    let above = categories.iter().find(|category| category.name == name)?.supercategory.as_deref()?;
-    (above != name && !above.is_empty() && above != "none").then_some(above)
+/// A file name of a COCO file as a path with `/`: Windows writes `\`, some tools write addresses or a leading `./`.
+fn plain_path(name: &str) -> String {
+    let name = match name.split_once("://") {
+        Some((_, rest)) => rest.split(['?', '#']).next().unwrap_or(rest),
+        None => name,
+    };
+    let name = name.replace('\\', "/");
+    name.trim_start_matches("./").to_owned()
 }
 
 /// An annotation that has an outline.
@@ -172,59 +227,121 @@ struct Drawn<'a> {
     outline: &'a Segmentation,
 }
 
-/// A frame's mask, and how many pixels two labels claimed.
+/// What the annotations of a frame gave.
+struct FrameMask {
+    mask: RunMask,
+    /// Pixels that two labels claimed.
+    contested: usize,
+    skipped: Skipped,
+}
+
 fn frame_mask(
-    path: &Path,
     frame: &MaskFrame<'_>,
     drawn: &[Drawn<'_>],
-    labels: &BTreeMap<i64, LabelId>,
+    labels: &BTreeMap<&Id, LabelId>,
     tree: &LabelTree,
-) -> Result<(RunMask, usize), MaskError> {
-    let fault = |id: i64, what: String| invalid(path, format!("annotation {id}: {what}; export it anew"));
+) -> Result<FrameMask, MaskError> {
+    let mut skipped = Skipped::default();
     let mut layers = Vec::new();
     for Drawn { annotation, outline } in drawn {
-        let unknown = || fault(annotation.id, format!("category {} is not listed", annotation.category_id));
-        let label = *labels.get(&annotation.category_id).ok_or_else(unknown)?;
-        layers.push((label, (annotation.id, *outline)));
+        match labels.get(&annotation.category_id) {
+            Some(&label) => layers.push((label, (&annotation.id, *outline))),
+            None => {
+                let place = format!("annotation {}: category {}", annotation.id, annotation.category_id);
+                skipped.add("annotations of a category that is not listed were left out", place);
+            }
+        }
     }
+    let skipped = RefCell::new(skipped);
     let (mask, contested) = stacked((frame.width, frame.height), layers, tree, |(id, outline), emit| {
-        draw(outline, (frame.width, frame.height), emit).map_err(|what| fault(*id, what))
+        draw(outline, (frame.width, frame.height), emit, &mut |what, detail| {
+            skipped.borrow_mut().add(what, format!("annotation {id}{detail}"));
+        });
+        Ok(())
     })?;
-    Ok((RunMask::encode(&mask), contested))
+    Ok(FrameMask { mask: RunMask::encode(&mask), contested, skipped: skipped.into_inner() })
 }
 
 /// What an annotation says about its pixels; `None` when it holds only a box.
 fn outline_of(annotation: &Annotation) -> Option<&Segmentation> {
-    let empty = |outline: &&Segmentation| matches!(outline, Segmentation::Polygons(polygons) if polygons.is_empty());
+    let empty = |outline: &&Segmentation| match outline {
+        Segmentation::Polygons(polygons) => polygons.is_empty(),
+        Segmentation::Polygon(corners) => corners.is_empty(),
+        _ => false,
+    };
     annotation.segmentation.as_ref().filter(|outline| !empty(outline))
 }
 
-/// Hands out an object's pixels.
-fn draw(outline: &Segmentation, (width, height): (u32, u32), emit: &mut dyn FnMut(Range<usize>)) -> Result<(), String> {
-    match outline {
+/// Hands out an object's pixels; `skip` is called with each part that cannot be used: its kind, and what is wrong.
+fn draw(
+    outline: &Segmentation,
+    size: (u32, u32),
+    emit: &mut dyn FnMut(Range<usize>),
+    skip: &mut dyn FnMut(&'static str, String),
+) {
+    let mut emitted = false;
+    let mut emit = |pixels: Range<usize>| {
+        emitted |= !pixels.is_empty();
+        emit(pixels);
+    };
+    let usable = match outline {
         Segmentation::Polygons(polygons) => {
-            polygons.iter().try_for_each(|polygon| draw_polygon(polygon, (width, height), emit))
+            polygons.iter().filter(|polygon| draw_polygon(polygon, size, &mut emit, skip)).count() > 0
         }
-        Segmentation::Runs { size, .. } if *size != [height, width] => {
-            Err(format!("its region is {}×{} pixels, the picture is {width}×{height}", size[1], size[0]))
+        Segmentation::Polygon(polygon) => draw_polygon(polygon, size, &mut emit, skip),
+        Segmentation::Runs { size: its, counts } => {
+            let spans = match counts {
+                _ if *its != [size.1, size.0] => {
+                    Err(format!("its region is {}×{} pixels, the image is {}×{}", its[1], its[0], size.0, size.1))
+                }
+                Counts::Plain(counts) => rle::spans(counts, size.0, size.1, &mut emit),
+                Counts::Packed(text) => {
+                    rle::unpacked(text).and_then(|counts| rle::spans(&counts, size.0, size.1, &mut emit))
+                }
+            };
+            match spans {
+                Ok(()) => true,
+                Err(what) => {
+                    skip("regions that are damaged or do not fit their image were left out", format!(": {what}"));
+                    false
+                }
+            }
         }
-        Segmentation::Runs { counts: Counts::Plain(counts), .. } => rle::spans(counts, width, height, emit),
-        Segmentation::Runs { counts: Counts::Packed(text), .. } => {
-            rle::spans(&rle::unpacked(text)?, width, height, emit)
+        Segmentation::Unreadable(_) => {
+            skip("annotations whose segmentation is neither polygons nor run lengths were left out", String::new());
+            false
         }
+    };
+    if usable && !emitted {
+        skip("annotations cover no pixel of their image", String::new());
     }
 }
 
+/// Returns whether the polygon can be used.
 fn draw_polygon(
-    polygon: &[f64],
+    polygon: &[Option<f64>],
     (width, height): (u32, u32),
     emit: &mut dyn FnMut(Range<usize>),
-) -> Result<(), String> {
-    if polygon.len() < 6 || polygon.len() % 2 == 1 {
-        return Err(format!("a polygon has {} numbers; it needs x and y of three corners or more", polygon.len()));
+    skip: &mut dyn FnMut(&'static str, String),
+) -> bool {
+    if polygon.len() < 6 {
+        skip("polygons of fewer than three corners were left out", String::new());
+        return false;
     }
-    let ring = polygon.chunks_exact(2).map(|corner| DVec2::new(corner[0], corner[1])).collect();
-    polygon_spans(width, height, &[ring], emit).map_err(|error| error.to_string())
+    if polygon.len() % 2 == 1 {
+        skip("polygons with an x but no y were left out", format!(": {} numbers", polygon.len()));
+        return false;
+    }
+    let usable = |number: &f64| number.abs() <= MAX_COORDINATE;
+    let ring: Option<Vec<DVec2>> = polygon
+        .chunks_exact(2)
+        .map(|corner| Some(DVec2::new(corner[0].filter(usable)?, corner[1].filter(usable)?)))
+        .collect();
+    let drawn = ring.is_some_and(|ring| polygon_spans(width, height, &[ring], emit).is_ok());
+    if !drawn {
+        skip("polygons with a coordinate that is not a number or far outside were left out", String::new());
+    }
+    drawn
 }
 
 fn annotations(frame: usize, mask: &RunMask) -> Vec<Annotation> {
@@ -235,9 +352,9 @@ fn annotations(frame: usize, mask: &RunMask) -> Vec<Annotation> {
         let [left, top] = extent.min.map(f64::from);
         let [right, bottom] = extent.max.map(f64::from);
         Annotation {
-            id: 0,
+            id: Id::from(0i64),
             image_id: image_id(frame),
-            category_id: i64::from(id.0),
+            category_id: i64::from(id.0).into(),
             segmentation: Some(Segmentation::Runs {
                 size: [mask.height, mask.width],
                 counts: Counts::Packed(rle::packed(&counts)),
@@ -253,7 +370,7 @@ fn annotations(frame: usize, mask: &RunMask) -> Vec<Annotation> {
 /// The labels of the tree, and those in masks that it lacks.
 fn categories(export: &Export<'_>) -> Result<Vec<Category>, MaskError> {
     let category = |label: &Label| Category {
-        id: i64::from(label.id.0),
+        id: i64::from(label.id.0).into(),
         name: label.name.clone(),
         supercategory: Some(label.parent.and_then(|parent| export.tree.get(parent)).unwrap_or(label).name.clone()),
         color: Some(label.color),
@@ -265,6 +382,6 @@ fn categories(export: &Export<'_>) -> Result<Vec<Category>, MaskError> {
     Ok(adoption.tree().iter().map(category).collect())
 }
 
-fn image_id(frame: usize) -> i64 {
-    frame as i64 + 1
+fn image_id(frame: usize) -> Id {
+    (frame as i64 + 1).into()
 }

@@ -68,6 +68,14 @@ pub(in crate::masks) fn in_parallel<T: Sync, R: Send>(
     results.into_iter().collect()
 }
 
+/// Reads a text file; a byte-order mark is skipped.
+pub(super) fn read_text(path: &Path) -> Result<String, MaskError> {
+    disk::read_text(path).map_err(|error| match error.kind() {
+        std::io::ErrorKind::InvalidData => invalid(path, "is not UTF-8 text; save it as UTF-8"),
+        _ => io_error(path)(error),
+    })
+}
+
 /// Names a file in an error of the system.
 pub(super) fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> MaskError + '_ {
     move |source| MaskError::Io { path: path.to_path_buf(), source }

@@ -65,7 +65,7 @@ impl NameIndex {
             match best.insert(frame, (sureness, file)) {
                 Some((other, rival)) if other == sureness => {
                     let what = format!(
-                        "'{}' and '{}' both fit the same frame; give the folder that holds one mask per frame",
+                        "'{}' and '{}' both fit the same frame; keep one of them, or put the path of its frame before its name",
                         rival.stem, file.stem
                     );
                     return Err(invalid(dir, what));

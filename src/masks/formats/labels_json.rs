@@ -3,11 +3,13 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::files::{invalid, io_error, write_whole};
+use super::files::{invalid, io_error, read_text, write_whole};
 use crate::masks::{Label, LabelId, LabelTree, MaskError};
 
 /// The name of the file with the label tree, beside masks.
 pub(super) const LABELS_FILE: &str = "labels.json";
+/// A larger file is not a list of labels: 65,535 labels with long names take a tenth of it.
+const MAX_BYTES: u64 = 64 << 20;
 
 /// A label as it stands in the file: `{"id": 2, "name": "stem 1", "parent": 1, "color": "#3cb44b"}`.
 #[derive(Serialize, Deserialize)]
@@ -48,21 +50,62 @@ pub fn write_labels_json(dir: &Path, tree: &LabelTree) -> Result<(), MaskError> 
     write_whole(&path, text.as_bytes())
 }
 
-/// Reads the `labels.json` of a folder of masks: the one in it, else the one in the folder above (as the made scene's
-/// truth has it); `None` when there is none. Colours may be `[r, g, b]` too; a label without colour gets one.
+/// Reads the `labels.json` of a folder of masks: the one in it, else the one in the folder above (as the synthetic scene's
+/// truth has it); `None` when there is none, or only one of another program. Colours may be `[r, g, b]` too; a label
+/// without colour gets one.
 ///
 /// # Errors
-/// [`MaskError::Io`], or [`MaskError::Invalid`] for a file that is no label tree.
+/// [`MaskError::Io`], or [`MaskError::Invalid`] for a list of labels that is damaged.
 pub fn read_labels_json(dir: &Path) -> Result<Option<LabelTree>, MaskError> {
-    let above = dir.canonicalize().ok().and_then(|full| Some(full.parent()?.to_path_buf()));
-    let mut files = [Some(dir.to_path_buf()), above].into_iter().flatten().map(|folder| folder.join(LABELS_FILE));
-    files.find(|file| file.is_file()).map(|file| read_tree(&file)).transpose()
+    Ok(listed_labels(dir)?.tree)
 }
 
-fn read_tree(path: &Path) -> Result<LabelTree, MaskError> {
-    let text = std::fs::read_to_string(path).map_err(io_error(path))?;
-    let broken = |error: &dyn std::fmt::Display| invalid(path, format!("is no list of labels ({error}); put it right"));
-    let entries: Vec<LabelEntry> = serde_json::from_str(&text).map_err(|error| broken(&error))?;
+/// What is known about the labels of a folder of masks.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(in crate::masks) struct Listed {
+    /// The labels, where there is a list.
+    pub tree: Option<LabelTree>,
+    /// Which file was not used and why, for the user.
+    pub warning: Option<String>,
+}
+
+/// As [`read_labels_json`], with a warning about a file that was not used. Other programs write files of the same name:
+/// one that is not a list of labels is left alone, and so is a damaged list in the folder above, which nobody gave.
+pub(in crate::masks) fn listed_labels(dir: &Path) -> Result<Listed, MaskError> {
+    let above = dir.canonicalize().ok().and_then(|full| Some(full.parent()?.to_path_buf()));
+    let mut files = [Some(dir.to_path_buf()), above].into_iter().flatten().map(|folder| folder.join(LABELS_FILE));
+    let Some(file) = files.find(|file| file.is_file()) else { return Ok(Listed::default()) };
+    let is_given = file.parent() == Some(dir);
+    if std::fs::metadata(&file).is_ok_and(|data| data.len() > MAX_BYTES) {
+        return Ok(unused(&file, "it is too large for a list of labels"));
+    }
+    let text = read_text(&file)?;
+    match read_tree(&file, &text) {
+        Ok(tree) => Ok(Listed { tree: Some(tree), warning: None }),
+        Err(error) if is_given && is_list_of_labels(&text) => Err(error),
+        Err(_) if is_given => Ok(unused(&file, "it is not a list of labels; another program may have written it")),
+        Err(_) => Ok(unused(&file, "it is not a readable list of labels, and not in the given folder")),
+    }
+}
+
+fn unused(file: &Path, why: &str) -> Listed {
+    Listed { tree: None, warning: Some(format!("{} was not used: {why}", file.display())) }
+}
+
+/// Whether a text begins as [`write_labels_json`] writes it: a list of objects with an id.
+fn is_list_of_labels(text: &str) -> bool {
+    let first = text.trim_start().strip_prefix('[').map(str::trim_start);
+    first.and_then(|rest| rest.strip_prefix('{')).is_some_and(|rest| {
+        let object = rest.split('}').next().unwrap_or(rest);
+        object.contains("\"id\"") && object.contains("\"name\"")
+    })
+}
+
+fn read_tree(path: &Path, text: &str) -> Result<LabelTree, MaskError> {
+    let broken = |error: &dyn std::fmt::Display| {
+        invalid(path, format!("is a damaged list of labels ({error}); correct it, or remove it to read ids as numbers"))
+    };
+    let entries: Vec<LabelEntry> = serde_json::from_str(text).map_err(|error| broken(&error))?;
     let label = |entry: LabelEntry| {
         let color = match &entry.color {
             None => LabelTree::color_for(entry.id),
@@ -86,7 +129,7 @@ pub(in crate::masks) fn ids_of_colors(tree: &LabelTree) -> BTreeMap<[u8; 3], Lab
     found.into_iter().filter(|(_, ids)| ids.len() == 1).map(|(color, ids)| (color, ids[0])).collect()
 }
 
-fn parse_color(text: &str) -> Option<[u8; 3]> {
+pub(super) fn parse_color(text: &str) -> Option<[u8; 3]> {
     let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.is_ascii())?;
     let channel = |at: usize| u8::from_str_radix(&digits[at..at + 2], 16).ok();
     Some([channel(0)?, channel(2)?, channel(4)?])
@@ -127,11 +170,9 @@ mod tests {
     }
 
     #[test]
-    fn broken_files_are_told() {
+    fn damaged_lists_are_refused_by_name() {
         let dir = tempfile::tempdir().unwrap();
         for text in [
-            "{",
-            r#"{"labels":[]}"#,
             r#"[{"id":0,"name":"a"}]"#,
             r#"[{"id":1,"name":"a","parent":2}]"#,
             r#"[{"id":1,"name":"a"},{"id":1,"name":"b"}]"#,
@@ -142,5 +183,26 @@ mod tests {
             let error = read_labels_json(dir.path()).unwrap_err().to_string();
             assert!(error.contains("labels.json"), "{error}");
         }
+    }
+
+    #[test]
+    fn files_of_other_programs_are_left_alone_with_a_warning() {
+        let dir = tempfile::tempdir().unwrap();
+        let masks = dir.path().join("masks");
+        std::fs::create_dir(&masks).unwrap();
+        for text in ["{", "", r#"{"labels":[]}"#, r#"["leaf","stem"]"#, "[1,2]", r#"[{"trainId":1,"name":"a"}]"#] {
+            std::fs::write(dir.path().join("labels.json"), text).unwrap();
+            for folder in [dir.path(), &masks] {
+                let listed = listed_labels(folder).unwrap();
+                assert!(
+                    listed.tree.is_none() && listed.warning.unwrap().contains("labels.json was not used"),
+                    "{text}"
+                );
+            }
+        }
+        std::fs::write(dir.path().join("labels.json"), r#"[{"id":0,"name":"a"}]"#).unwrap();
+        assert!(listed_labels(&masks).unwrap().warning.is_some(), "not in the given folder");
+        std::fs::write(dir.path().join("labels.json"), "\u{feff}[{\"id\":1,\"name\":\"a\"}]").unwrap();
+        assert!(listed_labels(&masks).unwrap().tree.is_some());
     }
 }

@@ -5,25 +5,29 @@
 mod adopt;
 mod binary;
 mod coco;
+mod coco_categories;
 mod coco_json;
 mod davis;
 mod exchange;
 mod files;
 mod frame_names;
+mod grey_kinds;
 mod labels_json;
 mod layers;
 mod png_values;
 mod rle;
+mod skipped;
 mod yolo;
 mod yolo_names;
 
+pub(super) use davis::ids_in;
 pub use davis::{encode_palette_png, read_palette_png};
-pub(super) use davis::{ids_in, is_black_and_white, white_as_one};
 pub use exchange::{Imported, MaskFormat, MaskFrame, export_masks, import_masks};
 pub(super) use files::{FoundFile, in_parallel, list_files};
 pub(super) use frame_names::NameIndex;
 pub use frame_names::file_stems;
-pub(super) use labels_json::ids_of_colors;
+pub(super) use grey_kinds::{White, is_black_and_white, meaning_of_white, white_as_one};
+pub(super) use labels_json::{ids_of_colors, listed_labels};
 pub use labels_json::{read_labels_json, write_labels_json};
 pub(super) use png_values::PngValues;
 

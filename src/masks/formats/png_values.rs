@@ -1,20 +1,26 @@
-use std::collections::BTreeMap;
-use std::io::Cursor;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
 
 use super::files::{invalid, io_error};
+use crate::engine::disk;
 use crate::masks::{LabelId, LabelMask, MaskError};
 
 /// More pixels than any camera's picture has; a header that claims more is damaged.
 const MAX_PIXELS: u64 = 1 << 28;
+/// With more different values than this behind a mask's transparency, they are an image and not labels.
+const MAX_LABELS_IN_COLOR: usize = 96;
 
 /// A PNG's pixels as they are stored: no palette applied, nothing scaled.
 pub(in crate::masks) struct PngValues {
     width: u32,
     height: u32,
     pixels: Pixels,
+    /// The alpha channel.
+    alpha: Option<Vec<u16>>,
 }
 
 enum Pixels {
@@ -42,22 +48,56 @@ struct Packed {
     depth: BitDepth,
     line_size: usize,
     bytes: Vec<u8>,
+    /// Red, green, blue of each place.
+    palette: Vec<u8>,
+}
+
+/// What transparency did to a mask.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::masks) enum AlphaUse {
+    /// There is none, or it is the same everywhere and says nothing.
+    Ignored,
+    /// Pixels with ids were transparent and got none.
+    Cleared,
+    /// The opaque pixels are one object, cut out of an image or of a plain colour.
+    CutOut,
+}
+
+impl AlphaUse {
+    /// What the user should know; reads on from a number of masks.
+    pub(in crate::masks) fn warning(self) -> Option<&'static str> {
+        match self {
+            Self::Ignored => None,
+            Self::Cleared => Some("masks have transparent pixels; those got no label"),
+            Self::CutOut => Some("masks are cut-outs; pixels with an alpha above half became label 1"),
+        }
+    }
+}
+
+/// A mask, and how its transparency was read.
+pub(in crate::masks) struct ReadMask {
+    pub mask: LabelMask,
+    pub alpha: AlphaUse,
 }
 
 impl PngValues {
     /// Reads a PNG of any kind; when `expected` gives a frame (name, width, height), one of another size is refused by
     /// its header.
     pub(in crate::masks) fn read(path: &Path, expected: Option<(&str, u32, u32)>) -> Result<Self, MaskError> {
-        let bytes = std::fs::read(path).map_err(io_error(path))?;
-        let packed = decode(path, &bytes, expected)?;
+        let file = disk::open_regular(path).map_err(io_error(path))?;
+        let packed = decode(path, BufReader::new(file), expected)?;
+        let channels = packed.color.samples();
+        let alpha = matches!(packed.color, ColorType::GrayscaleAlpha | ColorType::Rgba)
+            .then(|| packed.samples().chunks_exact(channels).map(|pixel| pixel[channels - 1]).collect());
         let pixels = match packed.color {
-            ColorType::Indexed | ColorType::Grayscale => Pixels::Values(packed.samples()),
+            ColorType::Indexed => Pixels::Values(packed.places_or_greys()),
+            ColorType::Grayscale => Pixels::Values(packed.samples()),
             ColorType::GrayscaleAlpha => {
                 Pixels::Values(packed.samples().chunks_exact(2).map(|pixel| pixel[0]).collect())
             }
             ColorType::Rgb | ColorType::Rgba => Pixels::Colors(packed.colors()),
         };
-        Ok(Self { width: packed.width, height: packed.height, pixels })
+        Ok(Self { width: packed.width, height: packed.height, pixels, alpha })
     }
 
     /// Columns and rows.
@@ -66,21 +106,63 @@ impl PngValues {
     }
 
     /// The pixels as ids: palette places and grey values are ids; colours are looked up in `ids_of_colors` (black = 0
-    /// unless listed), and where there is none, a picture without any real colour is read as grey.
+    /// unless listed), and where there is none, an image without any real colour is read as grey. Transparency that
+    /// differs between pixels removes the ids below half of the highest alpha; when what it leaves is an image or one
+    /// white area, the mask is the opaque part.
     pub(in crate::masks) fn into_ids(
         self,
         path: &Path,
         ids_of_colors: Option<&BTreeMap<[u8; 3], LabelId>>,
-    ) -> Result<LabelMask, MaskError> {
+    ) -> Result<ReadMask, MaskError> {
         let (width, height) = self.size();
-        let ids = match self.pixels {
+        let opaque = self.opaque();
+        let cut_out = ids_of_colors.is_none() && opaque.as_ref().is_some_and(|opaque| self.is_cut_out(opaque));
+        if let Some(opaque) = opaque.as_ref().filter(|_| cut_out) {
+            let ids = opaque.iter().map(|&opaque| LabelId(u16::from(opaque))).collect();
+            return Ok(ReadMask { mask: LabelMask { width, height, ids }, alpha: AlphaUse::CutOut });
+        }
+        let visible = |at: usize| opaque.as_ref().is_none_or(|opaque| opaque[at]);
+        let mut ids: Vec<LabelId> = match self.pixels {
             Pixels::Values(values) => values.into_iter().map(LabelId).collect(),
             Pixels::Colors(colors) => {
-                let found = colors.iter().map(|color| id_of_color(*color, ids_of_colors));
+                let found = colors.iter().enumerate().map(|(at, color)| match visible(at) {
+                    true => id_of_color(*color, ids_of_colors),
+                    // A colour that is not seen need not be a label's.
+                    false => Ok(id_of_color(*color, ids_of_colors).unwrap_or_default()),
+                });
                 found.collect::<Result<_, _>>().map_err(|what| invalid(path, what))?
             }
         };
-        Ok(LabelMask { width, height, ids })
+        let mut alpha = AlphaUse::Ignored;
+        for (at, id) in ids.iter_mut().enumerate() {
+            if *id != LabelId::NONE && !visible(at) {
+                alpha = AlphaUse::Cleared;
+                *id = LabelId::NONE;
+            }
+        }
+        Ok(ReadMask { mask: LabelMask { width, height, ids }, alpha })
+    }
+
+    /// Which pixels are opaque; `None` when transparency is the same everywhere.
+    fn opaque(&self) -> Option<Vec<bool>> {
+        let alpha = self.alpha.as_ref()?;
+        let (lowest, highest) = (alpha.iter().min()?, alpha.iter().max()?);
+        (lowest != highest).then(|| alpha.iter().map(|alpha| alpha > &(highest / 2)).collect())
+    }
+
+    /// Whether the opaque pixels show one object instead of ids: all white, or as many values as an image has.
+    fn is_cut_out(&self, opaque: &[bool]) -> bool {
+        let visible = || opaque.iter().enumerate().filter(|(_, opaque)| **opaque).map(|(at, _)| at);
+        let value = |at: usize| match &self.pixels {
+            Pixels::Values(values) => [values[at]; 3],
+            Pixels::Colors(colors) => colors[at].map(u16::from),
+        };
+        let is_white = |at: usize| matches!(value(at), [255, 255, 255] | [u16::MAX, ..]);
+        if visible().all(is_white) {
+            return true;
+        }
+        let mut different = BTreeSet::new();
+        visible().any(|at| different.insert(value(at)) && different.len() > MAX_LABELS_IN_COLOR)
     }
 }
 
@@ -109,16 +191,16 @@ fn id_of_color(color: [u8; 3], listed: Option<&BTreeMap<[u8; 3], LabelId>>) -> R
             format!("its colour #{red:02x}{green:02x}{blue:02x} is no label's in labels.json; add it there")
         }),
         None if red == green && green == blue => Ok(LabelId(u16::from(red))),
-        None => Err("is a colour picture, not a mask; save label ids as grey or palette values, or put a labels.json \
-                     with the labels' colours beside it"
+        None => Err("is a colour image, not a mask; save label ids as grey or palette values, or put a labels.json \
+                     with the labels' colours next to it"
             .into()),
     }
 }
 
-fn decode(path: &Path, bytes: &[u8], expected: Option<(&str, u32, u32)>) -> Result<Packed, MaskError> {
+fn decode(path: &Path, file: BufReader<File>, expected: Option<(&str, u32, u32)>) -> Result<Packed, MaskError> {
     let broken = |error: png::DecodingError| invalid(path, format!("is not a readable PNG ({error}); save it anew"));
     let limits = Limits { bytes: 4 * MAX_PIXELS as usize };
-    let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), limits);
+    let mut decoder = Decoder::new_with_limits(file, limits);
     decoder.set_transformations(Transformations::IDENTITY);
     let mut reader = decoder.read_info().map_err(broken)?;
     let (width, height) = reader.info().size();
@@ -130,19 +212,24 @@ fn decode(path: &Path, bytes: &[u8], expected: Option<(&str, u32, u32)>) -> Resu
     let size = reader.output_buffer_size().filter(|_| u64::from(width) * u64::from(height) <= MAX_PIXELS);
     let size =
         size.ok_or_else(|| invalid(path, format!("claims {width}×{height} pixels; it is damaged, save it anew")))?;
+    let palette = reader.info().palette.as_deref().unwrap_or_default().to_vec();
     let mut bytes = vec![0; size];
     let layout = reader.next_frame(&mut bytes).map_err(broken)?;
     if (layout.width, layout.height) != (width, height) {
         return Err(invalid(path, "is an animation; save the mask as a plain PNG"));
     }
     let (color, depth) = (layout.color_type, layout.bit_depth);
-    Ok(Packed { width, height, color, depth, line_size: layout.line_size, bytes })
+    Ok(Packed { width, height, color, depth, line_size: layout.line_size, bytes, palette })
 }
 
 /// What is wrong with a mask that does not fit its frame.
 pub(super) fn size_fault(has: (u32, u32), frame: &str, needs: (u32, u32)) -> String {
+    let turned = match has == (needs.1, needs.0) {
+        true => " (sides swapped: the image is shown turned by its EXIF orientation, the mask is not)",
+        false => "",
+    };
     format!(
-        "is {}×{} pixels, its frame '{frame}' is {}×{}; save the mask at the frame's size",
+        "is {}×{} pixels, its frame '{frame}' is {}×{}{turned}; save the mask at the frame's size",
         has.0, has.1, needs.0, needs.1
     )
 }
@@ -165,6 +252,27 @@ impl Packed {
             }
         }
         samples
+    }
+
+    /// The places in the palette, which are ids. Programs that make files small store black and white images with a
+    /// palette of greys in any order: where black is not the first, the greys are the values.
+    fn places_or_greys(&self) -> Vec<u16> {
+        let places = self.samples();
+        let grey = |place: u16| match self.palette.get(3 * usize::from(place)..)? {
+            [red, green, blue, ..] if red == green && green == blue => Some(u16::from(*red)),
+            _ => None,
+        };
+        let used: BTreeSet<u16> = places.iter().copied().collect();
+        let greys: Option<BTreeMap<u16, u16>> = used.iter().map(|&place| Some((place, grey(place)?))).collect();
+        match greys {
+            Some(greys)
+                if greys.iter().any(|(&place, &grey)| place != 0 && grey == 0)
+                    && greys.values().any(|&grey| grey == 255) =>
+            {
+                places.into_iter().map(|place| greys[&place]).collect()
+            }
+            _ => places,
+        }
     }
 
     /// Colours in 8 bits a channel; alpha is left out.

@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -6,11 +6,12 @@ use glam::DVec2;
 
 use super::adopt::{Adoption, Newcomer};
 use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
-use super::files::{FoundFile, in_parallel, invalid, io_error, list_files, write_whole};
+use super::files::{FoundFile, in_parallel, invalid, list_files, read_text, write_whole};
 use super::frame_names::NameIndex;
-use super::labels_json::{read_labels_json, write_labels_json};
+use super::labels_json::{listed_labels, write_labels_json};
 use super::layers::{contested_warning, stacked};
-use super::yolo_names::{read_names, yaml};
+use super::skipped::Skipped;
+use super::yolo_names::{ClassNames, find_names, is_names_file, yaml};
 use crate::engine::job::Progress;
 use crate::masks::edit::polygon_spans;
 use crate::masks::{LabelId, LabelTree, MaskError, RunMask, outlines};
@@ -24,9 +25,18 @@ struct Line {
     ring: Vec<DVec2>,
 }
 
+/// What a file holds.
+#[derive(Default)]
+struct FileLines {
+    lines: Vec<Line>,
+    /// Lines that hold only a box.
+    boxes: usize,
+    skipped: Skipped,
+}
+
 /// Reads `labels/FRAME.txt` (or `FRAME.txt`), one outline a line: class, then x and y of its corners as shares of width
 /// and height, filled by the even-odd rule. A class is a label by its name; without names class k is label k + 1. An
-/// empty file is a frame without any label.
+/// empty file is a frame without any label. Outlines that cannot be used are left out and counted in the warnings.
 pub(super) fn import(
     dir: &Path,
     frames: &[MaskFrame<'_>],
@@ -34,28 +44,42 @@ pub(super) fn import(
     progress: &Progress,
 ) -> Result<Imported, MaskError> {
     let below = dir.join("labels");
-    let files = list_files(if below.is_dir() { &below } else { dir }, &["txt"])?;
+    let mut files = list_files(if below.is_dir() { &below } else { dir }, &["txt"])?;
+    files.retain(|file| !is_names_file(&file.path));
     let first = files.first().ok_or_else(|| invalid(dir, "holds no .txt file; give the folder above `labels`"))?;
     let matched = NameIndex::new(frames.iter().map(|frame| frame.name)).match_files(dir, &files)?;
     if matched.pairs.is_empty() {
         return Err(nothing_fits(dir, &first.stem, frames));
     }
-    let lines = in_parallel(&matched.pairs, progress, |&(_, file)| read_lines(&file.path))?;
-    let classes = lines.iter().flat_map(|(lines, _)| lines.iter().map(|line| line.class));
-    let (labels, adoption) = adopted(dir, classes.collect(), tree)?;
+    let files_lines = in_parallel(&matched.pairs, progress, |&(_, file)| read_lines(file))?;
+    let folders = matched.pairs.iter().filter_map(|(_, file)| file.path.parent()).collect();
+    let classes = files_lines.iter().flat_map(|file| file.lines.iter().map(|line| line.class)).collect();
+    let Classes { labels, adoption, mut warnings } = adopted(dir, &folders, classes, tree)?;
     let jobs: Vec<(usize, &Vec<Line>)> =
-        matched.pairs.iter().map(|pair| pair.0).zip(lines.iter().map(|(lines, _)| lines)).collect();
+        matched.pairs.iter().map(|pair| pair.0).zip(files_lines.iter().map(|file| &file.lines)).collect();
     let read =
         in_parallel(&jobs, progress, |(frame, lines)| frame_mask(&frames[*frame], lines, &labels, adoption.tree()))?;
     let contested = read.iter().map(|(_, contested)| contested).sum();
-    let boxes: usize = lines.iter().map(|(_, boxes)| boxes).sum();
+    let mut masks: BTreeMap<usize, RunMask> =
+        jobs.iter().map(|job| job.0).zip(read.into_iter().map(|(mask, _)| mask)).collect();
+    let (mut boxes, mut skipped) = (0, Skipped::default());
+    for ((frame, lines), file) in jobs.iter().map(|job| (job.0, job.1.len())).zip(files_lines) {
+        // A file of boxes or unusable outlines is not a frame without labels.
+        if lines == 0 && (file.boxes > 0 || !file.skipped.is_empty()) {
+            masks.remove(&frame);
+        }
+        boxes += file.boxes;
+        skipped.join(file.skipped);
+    }
     let boxes = (boxes > 0).then(|| format!("{boxes} lines hold boxes, no outlines, and were left out"));
+    if masks.is_empty() {
+        let faults: Vec<String> = boxes.into_iter().chain(skipped.warnings()).collect();
+        return Err(invalid(dir, format!("no outline can be used: {}", faults.join("; "))));
+    }
     let unmatched: Vec<&str> = matched.unmatched.iter().map(|file: &&FoundFile| file.stem.as_str()).collect();
-    Ok(Imported {
-        masks: jobs.iter().map(|job| job.0).zip(read.into_iter().map(|(mask, _)| mask)).collect(),
-        new_labels: adoption.into_added(),
-        warnings: unmatched_warning(&unmatched).into_iter().chain(contested_warning(contested)).chain(boxes).collect(),
-    })
+    warnings.extend(unmatched_warning(&unmatched).into_iter().chain(contested_warning(contested)).chain(boxes));
+    warnings.extend(skipped.warnings());
+    Ok(Imported { masks, new_labels: adoption.into_added(), warnings })
 }
 
 /// Writes `labels/FRAME.txt`, `data.yaml` and `labels.json`. Classes are the labels in the order of their ids. Outlines
@@ -78,62 +102,108 @@ pub(super) fn export(dir: &Path, export: &Export<'_>, progress: &Progress) -> Re
     Ok(())
 }
 
-/// The label of every class that is used, by its number.
+/// The labels of classes.
+struct Classes {
+    /// By the class's number.
+    labels: BTreeMap<usize, LabelId>,
+    adoption: Adoption,
+    warnings: Vec<String>,
+}
+
+/// The label of every class that is used.
 fn adopted(
     dir: &Path,
-    mut classes: Vec<usize>,
+    folders: &BTreeSet<&Path>,
+    classes: BTreeSet<usize>,
     tree: &LabelTree,
-) -> Result<(BTreeMap<usize, LabelId>, Adoption), MaskError> {
-    classes.sort_unstable();
-    classes.dedup();
-    let names = read_names(dir)?;
+) -> Result<Classes, MaskError> {
+    let ClassNames { names, place, mut warnings } = find_names(dir, folders)?;
     let highest = classes.last().map_or(0, |&class| class as u64 + 1);
     let mut adoption = Adoption::new(tree, LabelId(u16::try_from(highest).unwrap_or(u16::MAX)));
-    if let Some(listed) = read_labels_json(dir)? {
-        adoption.tree_of(&listed)?;
+    let listed = listed_labels(dir)?;
+    warnings.extend(listed.warning);
+    if let Some(listed) = &listed.tree {
+        adoption.tree_of(listed)?;
     }
     let mut labels = BTreeMap::new();
+    let mut unnamed = Vec::new();
     for class in classes {
         let name = names.get(class).filter(|name| !name.is_empty());
         let number = u16::try_from(class + 1).map(LabelId);
         let label = match (name, number) {
             (Some(name), _) => adoption.named(&Newcomer { name, id: number.ok(), parent: None, color: None })?,
-            (None, Ok(number)) => adoption.number(number)?,
+            (None, Ok(number)) => {
+                unnamed.push(class);
+                adoption.number(number)?
+            }
             (None, Err(_)) => {
                 return Err(invalid(dir, format!("class {class} is too high; give it a name in data.yaml")));
             }
         };
         labels.insert(class, label);
     }
-    Ok((labels, adoption))
+    let as_label = |class: &usize| {
+        let name = labels.get(class).map(|&id| adoption.tree().name_path(id)).unwrap_or_default();
+        format!("{class} as '{name}'")
+    };
+    if let Some(first) = unnamed.first().filter(|_| listed.tree.is_none()) {
+        warnings.push(match place {
+            None => format!(
+                "no class names were found (data.yaml, classes.txt or obj.names); classes became labels by their numbers, \
+                 class {}",
+                as_label(first)
+            ),
+            Some(place) => format!(
+                "{} classes have no name in {}; they became labels by their numbers, class {}",
+                unnamed.len(),
+                place.display(),
+                as_label(first)
+            ),
+        });
+    }
+    Ok(Classes { labels, adoption, warnings })
 }
 
-/// The outlines of a file, and how many lines hold only a box.
-fn read_lines(path: &Path) -> Result<(Vec<Line>, usize), MaskError> {
-    let text = std::fs::read_to_string(path).map_err(io_error(path))?;
-    let mut lines = Vec::new();
-    let mut boxes = 0;
+/// Reads the outlines of a file.
+fn read_lines(file: &FoundFile) -> Result<FileLines, MaskError> {
+    let text = read_text(&file.path)?;
+    let mut read = FileLines::default();
     for (number, text) in (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty()) {
-        let fault = |what: &str| invalid(path, format!("line {number}: {what}"));
+        let fault = |what: &str| invalid(&file.path, format!("line {number}: {what}"));
         let mut words = text.split_whitespace();
-        let class = words.next().and_then(|word| word.parse().ok()).filter(|&class: &usize| class < usize::MAX);
+        let class = words.next().and_then(class_number);
         let class = class.ok_or_else(|| fault("does not begin with the number of a class"))?;
-        let numbers: Vec<f64> = words
-            .map(|word| word.parse().ok().filter(|share: &f64| share.is_finite() && share.abs() <= MAX_SHARE))
+        let mut numbers: Vec<f64> = words
+            .map(|word| word.parse().ok().filter(|share: &f64| !share.is_finite() || share.abs() <= MAX_SHARE))
             .collect::<Option<_>>()
             .ok_or_else(|| fault("coordinates must be numbers from 0 to 1, as shares of width and height"))?;
+        let mut skip = |what| read.skipped.add(what, format!("'{}', line {number}", file.stem));
+        if numbers.iter().any(|share| !share.is_finite()) {
+            skip("outlines with a coordinate that is not a number were left out");
+            continue;
+        }
         match numbers.len() {
-            4 => boxes += 1,
-            count if count < 6 || count % 2 == 1 => {
-                return Err(fault("an outline needs x and y of three corners or more"));
-            }
-            _ => {
+            // Predictions end with their confidence.
+            4 | 5 => read.boxes += 1,
+            count if count < 6 => skip("outlines of fewer than three corners were left out"),
+            count => {
+                if count % 2 == 1 {
+                    skip("outlines have one number after their corners, which was taken as a confidence");
+                    numbers.pop();
+                }
                 let ring = numbers.chunks_exact(2).map(|corner| DVec2::new(corner[0], corner[1])).collect();
-                lines.push(Line { class, ring });
+                read.lines.push(Line { class, ring });
             }
         }
     }
-    Ok((lines, boxes))
+    Ok(read)
+}
+
+/// Classes are whole numbers; some programs write them as `1.0`.
+fn class_number(word: &str) -> Option<usize> {
+    let whole =
+        word.split_once('.').filter(|(_, rest)| rest.bytes().all(|digit| digit == b'0')).map(|(whole, _)| whole);
+    whole.unwrap_or(word).parse().ok().filter(|&class: &usize| class < usize::MAX)
 }
 
 fn frame_mask(

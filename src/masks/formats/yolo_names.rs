@@ -1,26 +1,126 @@
-//! Class names of a YOLO data set: `data.yaml` (its `names` only), `classes.txt` or `obj.names`.
+//! Class names of a YOLO data set: a YAML file with `names`, `classes.txt` (labelImg) or `obj.names` (darknet).
 
-use std::path::Path;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
-use super::files::{invalid, io_error};
+use super::files::{invalid, io_error, read_text};
 use crate::masks::MaskError;
 
-/// Reads the names in a folder, by class number; empty when there is no such file.
-pub(super) fn read_names(dir: &Path) -> Result<Vec<String>, MaskError> {
+/// How far above the given folder a folder named `labels` is looked for: label files lie in `labels/train`.
+const LEVELS_TO_LABELS: usize = 3;
+/// A larger file does not hold class names.
+const MAX_BYTES: u64 = 4 << 20;
+
+/// The class names that were found.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(super) struct ClassNames {
+    /// By class number; empty for a class without name.
+    pub names: Vec<String>,
+    /// The file they are from.
+    pub place: Option<PathBuf>,
+    /// What was decided, for the user.
+    pub warnings: Vec<String>,
+}
+
+/// Text files that hold names and lie among label files.
+pub(super) fn is_names_file(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name == "classes.txt" || name == "predefined_classes.txt")
+}
+
+/// A folder that may hold class names.
+struct Place {
+    folder: PathBuf,
+    /// Whether the user gave it, or label files lie in it.
+    is_given: bool,
+    /// Whether YAML files of any name count: above the data set, they belong to something else.
+    takes_any_yaml: bool,
+}
+
+/// Finds the names for the labels in `dir`, whose files lie in `folders`: in `dir`, in the folders of the files, then in
+/// the folders above, up to the one that holds `labels` and the next.
+pub(super) fn find_names(dir: &Path, folders: &BTreeSet<&Path>) -> Result<ClassNames, MaskError> {
+    let given = |folder: PathBuf| Place { folder, is_given: true, takes_any_yaml: true };
+    let mut places = vec![given(dir.to_path_buf()), given(dir.join("labels"))];
+    places.extend(folders.iter().map(|folder| given(folder.to_path_buf())));
+    let full = std::fs::canonicalize(dir).map_err(io_error(dir))?;
+    let labels = full
+        .ancestors()
+        .take(LEVELS_TO_LABELS)
+        .position(|folder| folder.file_name().is_some_and(|name| name == "labels"));
+    let inside = labels.map_or(0, |depth| depth + 1);
+    places.extend(full.ancestors().skip(1).take(inside + 1).enumerate().map(|(at, folder)| Place {
+        folder: folder.to_path_buf(),
+        is_given: false,
+        takes_any_yaml: at < inside,
+    }));
+    let mut warnings = Vec::new();
+    for place in places.iter().filter(|place| place.folder.is_dir()) {
+        if let Some((names, file)) = names_in(place, &mut warnings)? {
+            if !place.is_given {
+                warnings.push(format!("class names are from {}", file.display()));
+            }
+            return Ok(ClassNames { names, place: Some(file), warnings });
+        }
+    }
+    Ok(ClassNames { warnings, ..ClassNames::default() })
+}
+
+/// The names in one folder: those of a file with a usual name, else of the other YAML files.
+fn names_in(place: &Place, warnings: &mut Vec<String>) -> Result<Option<(Vec<String>, PathBuf)>, MaskError> {
     for (file, parse) in [
         ("data.yaml", yaml_names as fn(&str) -> Option<Vec<String>>),
         ("data.yml", yaml_names),
         ("dataset.yaml", yaml_names),
         ("classes.txt", plain_names),
         ("obj.names", plain_names),
+        ("predefined_classes.txt", plain_names),
     ] {
-        let path = dir.join(file);
-        if path.is_file() {
-            let text = std::fs::read_to_string(&path).map_err(io_error(&path))?;
-            return parse(&text).ok_or_else(|| invalid(&path, "has no readable `names`; list them as `0: name`"));
+        let path = place.folder.join(file);
+        if !path.is_file() {
+            continue;
+        }
+        match small_text(&path)?.and_then(|text| parse(&text)) {
+            Some(names) => return Ok(Some((names, path))),
+            None if place.is_given && file == "data.yaml" => {
+                return Err(invalid(&path, "has no readable `names`; list them as `0: name`"));
+            }
+            None => warnings.push(format!("{} holds no class names and was not used", path.display())),
         }
     }
-    Ok(Vec::new())
+    if place.takes_any_yaml { names_of_any_yaml(&place.folder, warnings) } else { Ok(None) }
+}
+
+/// The names that all YAML files in a folder agree on. Files without names are for something else.
+fn names_of_any_yaml(dir: &Path, warnings: &mut Vec<String>) -> Result<Option<(Vec<String>, PathBuf)>, MaskError> {
+    let mut found: Vec<(Vec<String>, PathBuf)> = Vec::new();
+    let mut entries: Vec<PathBuf> =
+        std::fs::read_dir(dir).map_err(io_error(dir))?.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    entries.sort();
+    for path in entries {
+        let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+        if (ending == "yaml" || ending == "yml") && path.is_file() {
+            // Not a file that was given, so that one which cannot be read is not an error.
+            let names = small_text(&path).ok().flatten().and_then(|text| yaml_names(&text));
+            found.extend(names.map(|names| (names, path)));
+        }
+    }
+    if let [(first, one), .., (last, other)] = &found[..]
+        && found.iter().any(|(names, _)| names != first || names != last)
+    {
+        warnings.push(format!(
+            "{} and {} list different class names, so none of them were used; keep one, or name it data.yaml",
+            one.display(),
+            other.display()
+        ));
+        return Ok(None);
+    }
+    Ok(found.into_iter().next())
+}
+
+/// The text of a file; `None` for one that is too large.
+fn small_text(path: &Path) -> Result<Option<String>, MaskError> {
+    let bytes = std::fs::metadata(path).map_err(io_error(path))?.len();
+    if bytes > MAX_BYTES { Ok(None) } else { read_text(path).map(Some) }
 }
 
 /// `data.yaml` for names in the order of their class numbers.
@@ -34,7 +134,8 @@ pub(super) fn yaml(names: &[String]) -> String {
 }
 
 fn plain_names(text: &str) -> Option<Vec<String>> {
-    Some(text.lines().map(|line| line.trim().to_owned()).filter(|line| !line.is_empty()).collect())
+    let names: Vec<String> = text.lines().map(|line| line.trim().to_owned()).filter(|line| !line.is_empty()).collect();
+    (!names.is_empty()).then_some(names)
 }
 
 /// `names:` as a list or a map, in brackets on one line or one entry a line.
@@ -110,6 +211,40 @@ mod tests {
         assert_eq!(yaml_names("nc: 3"), None);
         assert_eq!(yaml_names("names:\n  9999999: x"), None);
         assert_eq!(plain_names("leaf\r\n\nstem 1\n").unwrap(), ["leaf", "stem 1"]);
+    }
+
+    #[test]
+    fn names_are_found_where_programs_keep_them() {
+        for (file, text) in [
+            ("set/labels/train/classes.txt", "leaf\r\nstem\r\n"),
+            ("set/labels/classes.txt", "\u{feff}leaf\nstem\n"),
+            ("set/obj.names", "leaf\nstem"),
+            ("set/coco8-seg.yaml", "path: x\nnames:\n  0: leaf\n  1: stem\n"),
+            ("data.yaml", "names: [leaf, stem]"),
+            ("set/My Set.YML", "nc: 2\nnames:\n- leaf\n- stem\n"),
+        ] {
+            let root = tempfile::tempdir().unwrap();
+            let labels = root.path().join("set/labels/train");
+            std::fs::create_dir_all(&labels).unwrap();
+            std::fs::write(root.path().join(file), text).unwrap();
+            for dir in [root.path().join("set"), root.path().join("set/labels"), labels.clone()] {
+                let found = find_names(&dir, &BTreeSet::from([labels.as_path()])).unwrap();
+                assert_eq!(found.names, ["leaf", "stem"], "{file} for {}", dir.display());
+                assert!(found.place.is_some());
+            }
+        }
+    }
+
+    #[test]
+    fn yaml_files_that_disagree_are_not_used() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("a.yaml"), "names: [leaf, stem]").unwrap();
+        std::fs::write(dir.path().join("b.yaml"), "names: [leaf, stem]").unwrap();
+        std::fs::write(dir.path().join("compose.yml"), "services: x").unwrap();
+        let find = || find_names(dir.path(), &BTreeSet::new()).unwrap();
+        assert_eq!(find().names, ["leaf", "stem"]);
+        std::fs::write(dir.path().join("b.yaml"), "names: [cat, dog]").unwrap();
+        assert!(find().names.is_empty() && find().warnings[0].contains("a.yaml"), "{:?}", find().warnings);
     }
 
     #[test]

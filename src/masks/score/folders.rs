@@ -6,9 +6,10 @@ use serde::{Deserialize, Serialize};
 use super::table::{FramePair, MaskScore, score_pairs};
 use crate::engine::job::Progress;
 use crate::masks::formats::{
-    FoundFile, NameIndex, PngValues, ids_in, ids_of_colors, in_parallel, is_black_and_white, list_files, white_as_one,
+    FoundFile, NameIndex, PngValues, White, ids_in, ids_of_colors, in_parallel, is_black_and_white, list_files,
+    listed_labels, meaning_of_white, white_as_one,
 };
-use crate::masks::{LabelId, LabelTree, MaskError, RunMask, read_labels_json};
+use crate::masks::{LabelId, LabelTree, MaskError, RunMask};
 
 /// How two folders of masks are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -25,6 +26,8 @@ struct Folder {
     masks: Vec<RunMask>,
     tree: Option<LabelTree>,
     ids: BTreeSet<LabelId>,
+    /// A list of labels that was not used.
+    warning: Option<String>,
 }
 
 /// Scores a folder of mask PNGs against one of true masks. Files are matched by name without ending: path below the
@@ -54,7 +57,8 @@ pub fn score_masks(
     if let Some(level) = options.level {
         read_at_level(&mut truth, &mut result, level)?;
     }
-    let mut warnings = Vec::new();
+    let mut warnings: Vec<String> = [&truth, &result].into_iter().filter_map(|folder| folder.warning.clone()).collect();
+    warnings.extend(without_void(&mut truth, &mut result));
     let mut pairs = pairs(&truth, &result, (truth_dir, result_dir), &mut warnings)?;
     if options.skip_first {
         pairs.remove(0);
@@ -82,20 +86,31 @@ impl Folder {
             let what = "holds no PNG; give the folder of the masks".into();
             return Err(MaskError::Invalid { path: dir.to_path_buf(), what });
         }
-        let tree = read_labels_json(dir)?;
+        let listed = listed_labels(dir)?;
+        let tree = listed.tree;
         let colors = tree.as_ref().map(ids_of_colors);
         let masks = in_parallel(&files, progress, |file| {
-            let ids = PngValues::read(&file.path, None)?.into_ids(&file.path, colors.as_ref())?;
-            Ok(RunMask::encode(&ids))
+            let read = PngValues::read(&file.path, None)?.into_ids(&file.path, colors.as_ref())?;
+            Ok(RunMask::encode(&read.mask))
         })?;
         let ids = ids_in(&masks);
-        Ok(Self { files, masks, tree, ids })
+        Ok(Self { files, masks, tree, ids, warning: listed.warning })
     }
 
     fn map(&mut self, change: impl Fn(&RunMask) -> RunMask) {
         self.masks = self.masks.iter().map(change).collect();
         self.ids = ids_in(&self.masks);
     }
+}
+
+/// Removes the value that means void in the truth from both folders.
+fn without_void(truth: &mut Folder, result: &mut Folder) -> Option<String> {
+    let known = |id| truth.tree.as_ref().is_some_and(|tree| tree.get(id).is_some());
+    let White::Void(void) = meaning_of_white(&truth.ids, known) else { return None };
+    let cleared = |mask: &RunMask| mask.map_ids(|id| if id == void { LabelId::NONE } else { id });
+    truth.map(cleared);
+    result.map(cleared);
+    Some(format!("the value {} means void next to smaller ids; its pixels were taken as unlabelled", void.0))
 }
 
 /// Each folder by its own tree, or by the other's where it has none.

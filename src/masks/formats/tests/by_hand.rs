@@ -49,7 +49,7 @@ fn coco_as_other_tools_write_it() {
     assert_eq!(pixels(mask, id("leaf").0), [(2, 1), (3, 1), (1, 2), (2, 2), (3, 2), (8, 8)]);
     assert_eq!(pixels(mask, id("stone").0), [(12, 8)]);
     assert_eq!(read.masks.len(), 1);
-    assert!(read.warnings.iter().any(|warning| warning.starts_with("1 pictures have no outlines")));
+    assert!(read.warnings.iter().any(|warning| warning.starts_with("1 images have no outlines")));
     assert!(read.warnings.iter().any(|warning| warning.starts_with("2 annotations have no outline")));
 }
 
@@ -61,8 +61,8 @@ fn broken_coco_is_told() {
         (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": {"size":[9,13],"counts":[1,2]}}]"#, "add up"),
         (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": {"size":[9,12],"counts":[108]}}]"#, "12×9"),
         (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": {"size":[9,13],"counts":"!"}}]"#, "damaged"),
-        (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": 5}]"#, "no COCO JSON"),
-        ("[", "no COCO JSON"),
+        (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": 5}]"#, "neither polygons"),
+        ("[", "not a COCO JSON file"),
     ] {
         let error = coco(annotations).unwrap_err().to_string();
         assert!(error.contains(part) && error.contains("_annotations.coco.json"), "{error}");
@@ -105,12 +105,9 @@ fn yolo_as_other_tools_write_it() {
 #[test]
 fn broken_yolo_is_told_by_its_line() {
     for text in [
-        "1 0 0 0.5 0 0.5",
-        "1 0 0 0.5 0 0.5 1 0",
         "x 0 0 0.5 0 0.5 1",
         "-1 0 0 0.5 0 0.5 1",
         "1 0 0 500 0 0.5 1",
-        "1 0 0 nan 0 0.5 1",
         "1 0 0 a 0 0.5 1",
         "18446744073709551615 0 0 0.5 0 0.5 1",
     ] {
@@ -118,6 +115,151 @@ fn broken_yolo_is_told_by_its_line() {
         assert!(error.contains("a.txt") && error.contains("line 2"), "{text}: {error}");
     }
     assert!(yolo("70000 0 0 1 0 1 1", None, &tree()).unwrap_err().to_string().contains("70000"));
+}
+
+#[test]
+fn one_bad_outline_costs_no_other() {
+    let good = "0 0 0 1 0 1 1";
+    for (line, what) in [
+        ("1 0 0 0.5 0", "boxes"),
+        ("1 0.5 0.5 0.1 0.1 0.9", "boxes"),
+        ("1 0 0", "fewer than three corners"),
+        ("1 0 0 nan 0 0.5 1", "not a number"),
+        ("1 0 0 0.5 0 inf 1", "not a number"),
+        ("1.0\t0 0 5e-1 0 0.5 1 0.93 ", "confidence"),
+    ] {
+        let read = yolo(&format!("{good}\r\n{line}\r\n"), Some("names: [rice, pot]"), &tree()).unwrap();
+        assert!(!pixels(&read.masks[&0], 1).is_empty());
+        assert!(read.warnings.iter().any(|warning| warning.contains(what)), "{line}: {:?}", read.warnings);
+        assert_eq!(pixels(&read.masks[&0], 9).is_empty(), what != "confidence", "{line}");
+    }
+    let error = yolo("1 0.5 0.5 0.1 0.1", Some("names: [rice, pot]"), &tree()).unwrap_err().to_string();
+    assert!(error.contains("no outline can be used") && error.contains("boxes"), "{error}");
+    assert!(yolo("0 0 0 1 0 1 1", None, &tree()).unwrap().warnings[0].contains("no class names were found"));
+    let above = yolo("7 0 0 1 0 1 1", Some("names: [rice, pot]"), &tree()).unwrap();
+    assert!(above.warnings[0].contains("1 classes have no name"), "{:?}", above.warnings);
+}
+
+#[test]
+fn one_bad_annotation_costs_no_other() {
+    let good = r#"{"id": 1, "image_id": 7, "category_id": 0, "segmentation": [[1, 1, 4, 1, 4, 3, 1, 3]]}"#;
+    for (segmentation, what) in [
+        ("[[1, 1]]", "1 polygons of fewer than three corners were left out (annotation 2)"),
+        ("[[5, 5, 9, 5, 9, 8], [1, 1, 2, 2]]", "fewer than three corners"),
+        ("[[]]", "fewer than three corners"),
+        ("[[5, 5, 9, 5, 9]]", "x but no y"),
+        ("[[5, 5, NaN, 5, 9, 8]]", "not a number"),
+        ("[[5, 5, 1e300, 5, 9, 8]]", "not a number or far outside"),
+        ("[[50, 50, 90, 50, 90, 80]]", "cover no pixel"),
+        (r#"{"size": [9, 13], "counts": [1, 2]}"#, "damaged or do not fit"),
+        (r#"{"size": [13, 9], "counts": [117]}"#, "damaged or do not fit"),
+        (r#"{"size": [9, 13], "counts": "!"}"#, "damaged or do not fit"),
+        (r#"{}"#, "neither polygons nor run lengths"),
+        (r#""""#, "neither polygons nor run lengths"),
+        ("null", "no outline"),
+    ] {
+        let bad = format!(r#"{{"id": 2, "image_id": 7, "category_id": 6, "segmentation": {segmentation}}}"#);
+        let read = coco(&format!("[{bad}, {good}]")).unwrap();
+        assert_eq!(read.masks.len(), 1);
+        assert!(read.warnings.iter().any(|warning| warning.contains(what)), "{segmentation}: {:?}", read.warnings);
+    }
+    for (bad, what) in [
+        (r#"{"id": 2, "image_id": 7, "category_id": 44, "segmentation": [[1, 1, 2, 2, 3, 3]]}"#, "category 44"),
+        (
+            r#"{"id": 2, "image_id": 12, "category_id": 0, "segmentation": [[1, 1, 2, 2, 3, 3]]}"#,
+            "image that is not listed",
+        ),
+        (r#"{"id": 2, "category_id": 0, "segmentation": [[1, 1, 2, 2, 3, 3]]}"#, "without image or category"),
+        (r#"5"#, "without image or category"),
+    ] {
+        let read = coco(&format!("[{good}, {bad}]")).unwrap();
+        assert!(read.warnings.iter().any(|warning| warning.contains(what)), "{bad}: {:?}", read.warnings);
+    }
+}
+
+#[test]
+fn coco_types_may_be_loose() {
+    let good = r#""image_id": "7", "category_id": "6", "segmentation": [[1, 1, 4, 1, 4, 3, 1, 3]]"#;
+    for more in [
+        r#""id": "3fa85f64-5717", "iscrowd": false"#,
+        r#""id": null, "iscrowd": null, "area": null, "bbox": null"#,
+        r##""id": 1.0, "iscrowd": true, "area": "12", "bbox": [], "score": NaN, "color": "#a60f2f""##,
+        r#""area": Infinity, "bbox": [NaN, -Infinity, 1, 2]"#,
+    ] {
+        let read = coco(&format!("[{{{more}, {good}}}]")).unwrap();
+        assert_eq!(read.masks[&0].extents().values().map(|extent| extent.area).sum::<u64>(), 6, "{more}");
+        assert_eq!(read.warnings, ["1 images have no outlines and got no mask"], "{more}");
+    }
+    let flat = r#"[{"image_id": 7, "category_id": 6, "segmentation": [1, 1, 4, 1, 4, 3, 1, 3]}]"#;
+    assert_eq!(coco(flat).unwrap().masks.len(), 1);
+}
+
+fn coco_file(images: &str, categories: &str, annotations: &str, tree: &LabelTree) -> Result<Imported, MaskError> {
+    let dir = tempfile::tempdir().unwrap();
+    let text = format!(r#"{{"images": {images}, "categories": {categories}, "annotations": {annotations}}}"#);
+    write(dir.path(), "c.json", &format!("\u{feff}{text}"));
+    import(dir.path(), MaskFormat::Coco, &["a.jpg", "b.jpg"], tree)
+}
+
+#[test]
+fn categories_of_one_name_stay_apart_by_their_supercategories() {
+    let images = r#"[{"id": 1, "file_name": "a.jpg", "width": 13, "height": 9}]"#;
+    let annotation = |category: i64, at: u32| {
+        let end = at + 2;
+        format!(
+            r#"{{"image_id": 1, "category_id": {category}, "segmentation": [[{at}, 0, {end}, 0, {end}, 2, {at}, 2]]}}"#
+        )
+    };
+    let both = format!("[{}, {}]", annotation(1, 0), annotation(-2, 4));
+    let twins = r##"[{"id": 1, "name": "leaf", "supercategory": "rice", "color": "#010203"}, {"id": -2, "name": "leaf", "supercategory": "weed"}]"##;
+    let read = coco_file(images, twins, &both, &LabelTree::default()).unwrap();
+    let tree = LabelTree::try_from(read.new_labels).unwrap();
+    let mut paths: Vec<String> = read.masks[&0].extents().keys().map(|&id| tree.name_path(id)).collect();
+    paths.sort();
+    assert_eq!(paths, ["rice › leaf", "weed › leaf (weed)"]);
+    assert!(read.warnings[0].contains("2 categories are named 'leaf'"), "{:?}", read.warnings);
+    let again = coco_file(images, twins, &both, &tree).unwrap();
+    assert!(again.new_labels.is_empty() && again.masks == read.masks, "a second import finds the same labels");
+
+    let one =
+        r#"[{"id": 1, "name": "leaf", "supercategory": "rice"}, {"id": -2, "name": "leaf", "supercategory": "rice"}]"#;
+    let merged = coco_file(images, one, &both, &LabelTree::default()).unwrap();
+    assert!(merged.warnings[0].contains("became one label"), "{:?}", merged.warnings);
+    let weed = r#"[{"id": -2, "name": "leaf", "supercategory": "weed"}]"#;
+    let other = coco_file(images, weed, &format!("[{}]", annotation(-2, 4)), &tree).unwrap();
+    let path = other.masks[&0].extents().keys().map(|&id| tree.name_path(id)).collect::<Vec<_>>();
+    assert!(other.new_labels.is_empty() && path == ["weed › leaf (weed)"], "{path:?}");
+    let top = LabelTree::try_from(vec![Label { id: LabelId(5), name: "leaf".into(), color: [0; 3], parent: None }]);
+    let other = coco_file(images, weed, &format!("[{}]", annotation(-2, 4)), &top.unwrap()).unwrap();
+    assert!(other.warnings[0].contains("under 'weed' was taken as the label 'leaf'"), "{:?}", other.warnings);
+    let upper = r#"[{"id": 1, "name": "leaf"}, {"id": -2, "name": "Leaf"}]"#;
+    assert_eq!(coco_file(images, upper, &both, &LabelTree::default()).unwrap().new_labels.len(), 2);
+    let repeated = r#"[{"id": 1, "name": "leaf"}, {"id": 1, "name": "stem"}]"#;
+    let error = coco_file(images, repeated, &both, &LabelTree::default()).unwrap_err().to_string();
+    assert!(error.contains("category id 1 is listed for 'leaf' and for 'stem'"), "{error}");
+}
+
+#[test]
+fn images_that_are_listed_twice_are_merged_or_refused() {
+    let categories = r#"[{"id": 0, "name": "leaf"}]"#;
+    let annotations = r#"[{"image_id": 1, "category_id": 0, "segmentation": [[0, 0, 2, 0, 2, 2, 0, 2]]},
+                          {"image_id": 2, "category_id": 0, "segmentation": [[4, 0, 6, 0, 6, 2, 4, 2]]}]"#;
+    for (first, second) in [("a.jpg", "a.jpg"), ("x/a.jpg", ".\\\\x\\\\a.jpg"), ("a.jpg", "./a.jpg")] {
+        let images =
+            format!(r#"[{{"id": 1, "file_name": "{first}"}}, {{"id": 2, "file_name": "{second}", "width": null}}]"#);
+        let read = coco_file(&images, categories, annotations, &LabelTree::default()).unwrap();
+        assert_eq!(read.masks[&0].extents().values().map(|extent| extent.area).sum::<u64>(), 8);
+        assert!(read.warnings.iter().any(|warning| warning.starts_with("1 images are listed more than once")));
+        assert!(read.warnings.iter().any(|warning| warning.starts_with("2 images have no size")));
+    }
+    let url = r#"[{"id": 1, "file_name": "https://host/x/a.jpg?token=1"}, {"id": 2, "file_name": "b.jpg"}]"#;
+    assert_eq!(coco_file(url, categories, annotations, &LabelTree::default()).unwrap().masks.len(), 2);
+    let two_sets = r#"[{"id": 1, "file_name": "x/a.jpg"}, {"id": 2, "file_name": "y/a.jpg"}]"#;
+    let error = coco_file(two_sets, categories, annotations, &LabelTree::default()).unwrap_err().to_string();
+    assert!(error.contains("both fit the same frame"), "{error}");
+    let one_id = r#"[{"id": 1, "file_name": "a.jpg"}, {"id": 1, "file_name": "b.jpg"}]"#;
+    let error = coco_file(one_id, categories, annotations, &LabelTree::default()).unwrap_err().to_string();
+    assert!(error.contains("image id 1 is listed for 'a.jpg' and for 'b.jpg'"), "{error}");
 }
 
 #[test]

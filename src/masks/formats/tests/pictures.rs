@@ -84,8 +84,9 @@ fn white_means_label_one_unless_it_is_known_as_255() {
     assert_eq!(white.masks[&0], mask([0, 1]));
     assert_eq!(labels(&white), [1]);
     let (mixed, _dir) = one(&[255, 3]);
-    assert_eq!(mixed.masks[&0], mask([0, 255]));
-    assert_eq!(labels(&mixed), [3, 255]);
+    assert_eq!(mixed.masks[&0], mask([]), "void next to smaller ids");
+    assert_eq!(labels(&mixed), [3]);
+    assert!(mixed.warnings[0].starts_with("1 pixels of 1 masks have the value 255"), "{:?}", mixed.warnings);
     std::fs::write(dir.path().join("labels.json"), r#"[{"id":255,"name":"last"}]"#).unwrap();
     let listed = import(dir.path(), MaskFormat::Davis, &["a.png"], &LabelTree::default()).unwrap();
     assert_eq!(labels(&listed), [255]);
@@ -102,6 +103,60 @@ fn listed_names_find_the_projects_labels() {
     assert_eq!(read.masks[&0], mask([2, new["stem 1"], 4, 50]));
     assert!(new["stem 1"] > 50, "a fresh id is none of the file's: {new:?}");
     assert_eq!(new["50"], 50);
+}
+
+/// Reads one 5 × 2 PNG of these bytes as the mask of a frame.
+fn read_one(color: ColorType, bytes: &[u8]) -> Result<Imported, MaskError> {
+    let dir = tempfile::tempdir().unwrap();
+    write_png(&dir.path().join("a.png"), color, BitDepth::Eight, bytes);
+    let frames = [MaskFrame { name: "a.jpg", width: 5, height: 2 }];
+    import_masks(dir.path(), MaskFormat::Davis, &frames, &LabelTree::default(), &Progress::default())
+}
+
+#[test]
+fn transparency_is_a_cut_out_or_clears_ids() {
+    let alpha = [0, 0, 255, 255, 100, 0, 0, 255, 255, 0];
+    let rgba = |color: &dyn Fn(usize) -> [u8; 3]| -> Vec<u8> {
+        alpha.iter().enumerate().flat_map(|(at, &alpha)| color(at).into_iter().chain([alpha])).collect()
+    };
+    let ids = |read: &Imported| read.masks[&0].decode().ids.iter().map(|id| id.0).collect::<Vec<_>>();
+    let read = read_one(ColorType::Rgba, &rgba(&|_| [255; 3])).unwrap();
+    assert_eq!(ids(&read), [0, 0, 1, 1, 0, 0, 0, 1, 1, 0]);
+    assert!(read.warnings[0].contains("cut-outs"), "{:?}", read.warnings);
+    let grey: Vec<u8> = alpha.iter().flat_map(|&alpha| [255, alpha]).collect();
+    assert_eq!(ids(&read_one(ColorType::GrayscaleAlpha, &grey).unwrap()), [0, 0, 1, 1, 0, 0, 0, 1, 1, 0]);
+    let labelled = read_one(ColorType::Rgba, &rgba(&|at| [if at < 5 { 3 } else { 4 }; 3])).unwrap();
+    assert_eq!(ids(&labelled), [0, 0, 3, 3, 0, 0, 0, 4, 4, 0]);
+    assert!(labelled.warnings[0].contains("transparent pixels"), "{:?}", labelled.warnings);
+    let colored = read_one(ColorType::Rgba, &rgba(&|at| [200, at as u8, 1]));
+    assert!(colored.unwrap_err().to_string().contains("colour image"), "few colours are labels, not an image");
+}
+
+#[test]
+fn palettes_of_greys_in_another_order_are_read_as_greys() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.png");
+    let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 5, 2);
+    encoder.set_color(ColorType::Indexed);
+    encoder.set_palette(vec![255, 255, 255, 0, 0, 0]);
+    encoder.write_header().unwrap().write_image_data(&[1, 1, 0, 0, 1, 1, 1, 0, 0, 1]).unwrap();
+    let frames = [MaskFrame { name: "a.jpg", width: 5, height: 2 }];
+    let read =
+        import_masks(dir.path(), MaskFormat::Davis, &frames, &LabelTree::default(), &Progress::default()).unwrap();
+    assert_eq!(read.masks[&0].decode().ids, [0, 0, 1, 1, 0, 0, 0, 1, 1, 0].map(LabelId));
+}
+
+#[test]
+fn trimaps_are_refused_and_other_kinds_of_images_named() {
+    let error = read_one(ColorType::Grayscale, &[0, 0, 128, 255, 255, 0, 0, 128, 255, 255]).unwrap_err().to_string();
+    assert!(error.contains("--format binary"), "{error}");
+    let spread = read_one(ColorType::Grayscale, &[0, 0, 85, 170, 255, 0, 0, 85, 170, 255]).unwrap();
+    assert_eq!(spread.new_labels.len(), 3);
+    assert!(spread.warnings[0].contains("evenly"), "{:?}", spread.warnings);
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("a.jpg"), "x").unwrap();
+    let error = import(dir.path(), MaskFormat::Davis, &["a.jpg"], &tree()).unwrap_err().to_string();
+    assert!(error.contains("1 other images (first: a.jpg)"), "{error}");
 }
 
 type BTreeMapOfNames = std::collections::BTreeMap<String, u16>;

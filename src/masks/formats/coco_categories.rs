@@ -1,0 +1,135 @@
+//! Which label each category of a COCO file becomes.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::adopt::{Adoption, Newcomer};
+use super::coco_json::{Category, Id};
+use crate::masks::{LabelId, MAX_DEPTH, MaskError};
+
+/// The labels of a file's categories.
+pub(super) struct CategoryLabels<'c> {
+    /// By the category's id.
+    pub labels: BTreeMap<&'c Id, LabelId>,
+    /// What was decided, for the user.
+    pub warnings: Vec<String>,
+}
+
+/// A file's categories by name.
+struct Categories<'c>(BTreeMap<&'c str, Vec<&'c Category>>);
+
+/// Finds or adds the label of every used category, after the labels above it. A category is known by its name; where the
+/// file or the project has that name under another parent, by both.
+///
+/// # Errors
+/// [`MaskError::Label`] when two categories have one id, or no label id is free.
+pub(super) fn adopt_categories<'c>(
+    categories: &[&'c Category],
+    used: &BTreeSet<&Id>,
+    adoption: &mut Adoption,
+) -> Result<CategoryLabels<'c>, MaskError> {
+    let mut by_id: BTreeMap<&Id, &Category> = BTreeMap::new();
+    let mut by_name = Categories(BTreeMap::new());
+    for category in categories {
+        match by_id.insert(&category.id, category) {
+            Some(other) if (&other.name, above(other)) == (&category.name, above(category)) => continue,
+            Some(other) => {
+                return Err(MaskError::Label(format!(
+                    "the category id {} is listed for '{}' and for '{}'; give each category its own id",
+                    category.id, other.name, category.name
+                )));
+            }
+            None => by_name.0.entry(&category.name).or_default().push(category),
+        }
+    }
+    let mut found = CategoryLabels { labels: BTreeMap::new(), warnings: Vec::new() };
+    // In the file's order: the first of several of one name gets the plain name.
+    for category in categories.iter().filter(|category| used.contains(&category.id)) {
+        let label = by_name.adopt(category, &mut Vec::new(), adoption, &mut found.warnings)?;
+        found.labels.insert(&category.id, label);
+    }
+    let labels = &found.labels;
+    let of_one_name = by_name.0.values().filter(|twins| twins.len() > 1);
+    found.warnings.extend(of_one_name.filter_map(|twins| describe_twins(twins, labels, adoption)));
+    Ok(found)
+}
+
+impl<'c> Categories<'c> {
+    /// The label of a category; `below` are the names of those that this one lies above.
+    fn adopt(
+        &self,
+        category: &'c Category,
+        below: &mut Vec<&'c str>,
+        adoption: &mut Adoption,
+        warnings: &mut Vec<String>,
+    ) -> Result<LabelId, MaskError> {
+        below.push(&category.name);
+        let mut parent = None;
+        if let Some(above) = above(category).filter(|above| !below.contains(above) && below.len() < MAX_DEPTH) {
+            parent = Some(match self.0.get(above).and_then(|listed| listed.first()) {
+                Some(listed) => self.adopt(listed, below, adoption, warnings)?,
+                None => adoption.named(&Newcomer { name: &one_line(above), id: None, parent: None, color: None })?,
+            });
+        }
+        let plain = one_line(&category.name);
+        let known = adoption.tree().by_name(&plain).map(|known| (known.id, known.parent));
+        let name = match known {
+            Some((id, its_parent)) if its_parent == parent => return Ok(id),
+            Some((_, its_parent)) if self.is_ambiguous(category) || (its_parent.is_some() && parent.is_some()) => {
+                qualified(&plain, category)
+            }
+            Some((id, _)) => {
+                if let Some(above) = above(category).filter(|_| parent.is_some()) {
+                    let path = adoption.tree().name_path(id);
+                    warnings.push(format!("the category '{plain}' under '{above}' was taken as the label '{path}'"));
+                }
+                return Ok(id);
+            }
+            None => match qualified(&plain, category) {
+                qualified if self.is_ambiguous(category) && adoption.tree().by_name(&qualified).is_some() => qualified,
+                _ => plain,
+            },
+        };
+        let id = category.id.number().map(LabelId);
+        adoption.named(&Newcomer { name: &name, id, parent, color: category.color })
+    }
+
+    /// Whether another category has the same name under another supercategory.
+    fn is_ambiguous(&self, category: &Category) -> bool {
+        let twins = self.0.get(category.name.as_str()).into_iter().flatten();
+        twins.into_iter().any(|twin| above(twin) != above(category))
+    }
+}
+
+/// The name of the category above; `None` at the top.
+fn above(category: &Category) -> Option<&str> {
+    let above = category.supercategory.as_deref()?;
+    (above != category.name && !above.is_empty() && above != "none").then_some(above)
+}
+
+fn qualified(name: &str, category: &Category) -> String {
+    match above(category) {
+        Some(above) => format!("{name} ({})", one_line(above)),
+        None => format!("{name} (category {})", category.id),
+    }
+}
+
+/// Label names have one line.
+fn one_line(name: &str) -> String {
+    name.replace(['\n', '\r'], " ")
+}
+
+/// What became of several used categories of one name.
+fn describe_twins(twins: &[&Category], labels: &BTreeMap<&Id, LabelId>, adoption: &Adoption) -> Option<String> {
+    let used: Vec<LabelId> = twins.iter().filter_map(|twin| labels.get(&twin.id).copied()).collect();
+    if used.len() < 2 {
+        return None;
+    }
+    let different: BTreeSet<LabelId> = used.iter().copied().collect();
+    let paths: Vec<String> =
+        different.iter().take(10).map(|&id| format!("'{}'", adoption.tree().name_path(id))).collect();
+    let (count, name, paths) = (used.len(), &twins[0].name, paths.join(", "));
+    Some(match different.len() {
+        1 => format!("{count} categories are named '{name}' and became one label, {paths}"),
+        _ => format!("{count} categories are named '{name}' and became the labels {paths}"),
+    })
+}

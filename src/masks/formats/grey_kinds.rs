@@ -1,0 +1,183 @@
+//! What the values of masks mean that are not plain ids: white for the one object, white for "void", soft edges.
+
+use std::collections::BTreeSet;
+
+use super::labels_json::Listed;
+use crate::masks::{LabelId, LabelMask, LabelTree, RunMask};
+
+/// The highest values of 8 and 16 bits: "the one object" in black and white images, "void" in masks of ids.
+const WHITES: [LabelId; 2] = [LabelId(255), LabelId(u16::MAX)];
+/// A mask with fewer values between 0 and the highest is not a soft one.
+const MIN_SOFT_VALUES: usize = 3;
+/// Soft masks span at least half of 8 bits.
+const MIN_SOFT_HIGHEST: u16 = 128;
+
+/// Whether masks are black and white images of one object, label 1: their only value besides 0 is 255 (65535 in 16
+/// bits), and no label is known to have that id.
+pub(in crate::masks) fn is_black_and_white(ids: &BTreeSet<LabelId>, listed: Option<&LabelTree>) -> bool {
+    let mut values = ids.iter().filter(|&&id| id != LabelId::NONE);
+    let white = values.next().filter(|id| WHITES.contains(id));
+    white.is_some_and(|white| values.next().is_none() && listed.is_none_or(|tree| tree.get(*white).is_none()))
+}
+
+/// Label 1 wherever there is any.
+pub(in crate::masks) fn white_as_one(mask: &RunMask) -> RunMask {
+    mask.map_ids(|id| if id == LabelId::NONE { id } else { LabelId(1) })
+}
+
+/// What white means in masks that have other values too.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::masks) enum White {
+    /// An id as any other, or the masks have no white.
+    Id,
+    /// "Void": the pixels are not known, as at the borders of objects in VOC, DAVIS and Cityscapes.
+    Void(LabelId),
+    /// An id, because the values divide the range evenly, as ids do that are spread to be seen (85, 170, 255).
+    SpreadId,
+    /// The values are 0, 127 or 128, and 255: foreground, unknown and background of a trimap, or an edge.
+    Trimap,
+}
+
+/// Decides what white means. `known` says whether a label has an id.
+pub(in crate::masks) fn meaning_of_white(ids: &BTreeSet<LabelId>, known: impl Fn(LabelId) -> bool) -> White {
+    let Some(&white) = ids.last().filter(|id| WHITES.contains(id) && !known(**id)) else { return White::Id };
+    let others: Vec<u16> = ids.iter().map(|id| id.0).filter(|&id| id != 0 && id != white.0).collect();
+    if let [middle] = others[..]
+        && (white.0 / 2..=white.0 / 2 + 1).contains(&middle)
+    {
+        return White::Trimap;
+    }
+    // Of 254 instances a few may be missing; with a void value, so many ids would be a coincidence.
+    let dense = others.len() >= usize::from(white.0) * 3 / 4;
+    let step = others.iter().copied().fold(white.0, common_divisor);
+    match others.len() {
+        0 => White::Id,
+        _ if dense => White::Id,
+        _ if step > 1 && others.len() + 1 == usize::from(white.0 / step) => White::SpreadId,
+        _ => White::Void(white),
+    }
+}
+
+fn common_divisor(a: u16, b: u16) -> u16 {
+    if b == 0 { a } else { common_divisor(b, a % b) }
+}
+
+/// Counts what tells soft (antialiased, compressed, resized) masks of one object from masks of ids.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(in crate::masks) struct EdgeStatistics {
+    /// Pixels with a value between 0 and the highest.
+    between: u64,
+    /// Those of them that have a lower and a higher value among their neighbours: a step of a soft edge.
+    steps: u64,
+    /// Those of them with mostly equal values around: the inside of a label.
+    inside: u64,
+}
+
+impl EdgeStatistics {
+    /// Counts over one mask, whose highest value is of all masks `highest`.
+    pub(in crate::masks) fn of(mask: &LabelMask, highest: LabelId) -> Self {
+        let (width, height) = (mask.width as usize, mask.height as usize);
+        let mut counted = Self::default();
+        for (at, &id) in mask.ids.iter().enumerate() {
+            if id == LabelId::NONE || id == highest {
+                continue;
+            }
+            let (x, y) = (at % width, at / width);
+            let (left, right) = (x.saturating_sub(1), (x + 1).min(width - 1));
+            let rows = y.saturating_sub(1)..=(y + 1).min(height - 1);
+            let around = rows.flat_map(|row| &mask.ids[row * width + left..=row * width + right]);
+            let (mut lower, mut higher, mut equal) = (false, false, 0);
+            for &other in around {
+                lower |= other < id;
+                higher |= other > id;
+                equal += usize::from(other == id);
+            }
+            counted.between += 1;
+            counted.steps += u64::from(lower && higher);
+            counted.inside += u64::from(equal >= 6 && !(lower && higher));
+        }
+        counted
+    }
+
+    /// The counts of both.
+    pub(in crate::masks) fn plus(self, other: Self) -> Self {
+        Self {
+            between: self.between + other.between,
+            steps: self.steps + other.steps,
+            inside: self.inside + other.inside,
+        }
+    }
+}
+
+/// Whether masks with these values are soft masks of one object: many values, of which nearly every pixel is a step
+/// between a lower and a higher one. Masks of ids have insides, and their borders step from one label to the next only
+/// where labels touch.
+pub(in crate::masks) fn is_soft(ids: &BTreeSet<LabelId>, counted: EdgeStatistics, listed: &Listed) -> bool {
+    let highest = ids.last().copied().unwrap_or_default();
+    let between = ids.iter().filter(|&&id| id != LabelId::NONE && id != highest).count();
+    listed.tree.is_none()
+        && between >= MIN_SOFT_VALUES
+        && highest.0 >= MIN_SOFT_HIGHEST
+        && counted.steps * 2 >= counted.between
+        && counted.inside * 4 <= counted.between
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ids(values: impl IntoIterator<Item = u16>) -> BTreeSet<LabelId> {
+        values.into_iter().map(LabelId).collect()
+    }
+
+    #[test]
+    fn white_is_void_an_id_or_the_object() {
+        let meaning = |values: &[u16]| meaning_of_white(&ids(values.iter().copied()), |_| false);
+        assert_eq!(meaning(&[0, 1, 2, 255]), White::Void(LabelId(255)));
+        assert_eq!(meaning(&[0, 1, 65535]), White::Void(LabelId(65535)));
+        assert_eq!(meaning(&[0, 1, 255, 300]), White::Id, "16-bit ids go on above 255");
+        assert_eq!(meaning(&[0, 85, 170, 255]), White::SpreadId);
+        assert_eq!(meaning(&[0, 51, 102, 255]), White::Void(LabelId(255)));
+        assert_eq!(meaning(&[0, 128, 255]), White::Trimap);
+        assert_eq!(meaning(&[0, 127, 255]), White::Trimap);
+        assert_eq!(meaning(&[0, 255]), White::Id);
+        assert_eq!(meaning_of_white(&ids(0..=255), |_| false), White::Id);
+        assert_eq!(meaning_of_white(&ids([0, 1, 255]), |id| id.0 == 255), White::Id);
+        assert!(is_black_and_white(&ids([0, 255]), None) && is_black_and_white(&ids([65535]), None));
+        assert!(!is_black_and_white(&ids([0, 1]), None) && !is_black_and_white(&ids([0]), None));
+    }
+
+    #[test]
+    fn soft_edges_are_not_ids() {
+        let disc = |value: &dyn Fn(f64) -> u16| {
+            let at = |x: u32, y: u32| (f64::from(x) - 20.3).hypot(f64::from(y) - 17.6);
+            let values = (0..36).flat_map(|y| (0..40).map(move |x| (x, y))).map(|(x, y)| LabelId(value(at(x, y))));
+            LabelMask { width: 40, height: 36, ids: values.collect() }
+        };
+        let soft = |mask: &LabelMask| {
+            let ids: BTreeSet<LabelId> = mask.ids.iter().copied().collect();
+            let highest = ids.last().copied().unwrap();
+            is_soft(&ids, EdgeStatistics::of(mask, highest), &Listed::default())
+        };
+        for width in [1.0, 3.0, 8.0] {
+            assert!(soft(&disc(&|r| (((10.0 - r) / width + 0.5).clamp(0.0, 1.0) * 255.0) as u16)), "{width}");
+        }
+        assert!(!soft(&disc(&|r| if r < 4.0 {
+            200
+        } else if r < 8.0 {
+            7
+        } else if r < 12.0 {
+            30
+        } else if r < 15.0 {
+            9
+        } else {
+            0
+        })));
+        let grid = |step: u32| LabelMask {
+            width: 64,
+            height: 64,
+            ids: (0..64 * 64).map(|at: u32| LabelId((at % 64 / step + at / 64 / step * (64 / step)) as u16)).collect(),
+        };
+        assert!(!soft(&grid(4)), "256 instances side by side");
+    }
+}
