@@ -56,7 +56,7 @@ fn as_json(project: &Project) -> Value {
             (result_name(*kind).to_owned(), value)
         })
         .collect();
-    json!({ "format": 1, "frames": frames, "labels": labels, "results": results })
+    json!({ "format": 1, "origin": project.origin.to_array(), "frames": frames, "labels": labels, "results": results })
 }
 
 /// What a project holds, for people to read.
@@ -72,6 +72,10 @@ fn as_text(project: &Project) -> String {
         with(|frame| frame.depth.is_some()),
         with(|frame| frame.posed_camera().is_some())
     );
+    if project.origin != glam::DVec3::ZERO {
+        let glam::DVec3 { x, y, z } = project.origin;
+        let _ = writeln!(text, "origin of the coordinates: {x} {y} {z}");
+    }
     let _ = writeln!(
         text,
         "masks: {} anchors, {} tracked, {} stale, {} none",

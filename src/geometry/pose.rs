@@ -69,6 +69,13 @@ impl Pose {
         -(self.rotation.conjugate() * self.translation)
     }
 
+    /// This `camera_from_world` for a world whose coordinates are relative to `origin`. The negative origin is the way
+    /// back.
+    #[must_use]
+    pub fn relative_to(&self, origin: DVec3) -> Self {
+        Self { rotation: self.rotation, translation: self.rotation * origin + self.translation }
+    }
+
     /// The 4×4 matrix of the transform.
     #[must_use]
     pub fn matrix(&self) -> DMat4 {
@@ -106,6 +113,15 @@ mod tests {
     fn reflection_and_nan_are_refused() {
         assert!(Pose::from_matrix(DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0)), DVec3::ZERO).is_err());
         assert!(Pose::from_matrix(DMat3::IDENTITY, DVec3::NAN).is_err());
+    }
+
+    #[test]
+    fn poses_relative_to_a_far_origin_keep_micrometres() {
+        let pose = Pose { rotation: DQuat::from_rotation_x(0.3), translation: DVec3::new(1.0, 2.0, 3.0) };
+        let origin = DVec3::new(500_000.0, 5_400_000.0, 300.0);
+        let global = pose.relative_to(-origin);
+        assert!(global.centre().abs_diff_eq(pose.centre() + origin, 1e-6));
+        assert!(global.relative_to(origin).translation.abs_diff_eq(pose.translation, 1e-6));
     }
 
     #[test]

@@ -3,7 +3,7 @@ use crate::masks::{Label, LabelId, LabelTree};
 /// Points with colour, normal, label and the share of the vote that the label won. All vectors have equal length.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LabelledCloud {
-    /// Positions in world units.
+    /// Positions in world units, relative to `origin`.
     pub positions: Vec<glam::Vec3>,
     /// Unit normals towards the cameras; zero = unknown.
     pub normals: Vec<glam::Vec3>,
@@ -15,6 +15,8 @@ pub struct LabelledCloud {
     pub confidence: Vec<f32>,
     /// Names, colours and parents of the labels.
     pub tree: LabelTree,
+    /// What positions are relative to, in global coordinates; zero = they are global.
+    pub origin: glam::DVec3,
 }
 
 /// Colour of points without a label where a cloud is shown or written in label colours (sRGB).
@@ -44,7 +46,17 @@ impl LabelledCloud {
             labels: vec![LabelId::NONE; count],
             confidence: vec![0.0; count],
             tree: LabelTree::default(),
+            origin: glam::DVec3::ZERO,
         }
+    }
+
+    /// Makes the positions relative to another origin; the points stay where they are.
+    pub fn move_origin(&mut self, origin: glam::DVec3) {
+        let by = self.origin - origin;
+        if by != glam::DVec3::ZERO {
+            self.positions.iter_mut().for_each(|at| *at = (at.as_dvec3() + by).as_vec3());
+        }
+        self.origin = origin;
     }
 
     /// Whether somebody voted on a point, and its label won less than a share (0–1) of the votes.
@@ -66,6 +78,7 @@ impl LabelledCloud {
             labels: pick(&self.labels, indices),
             confidence: pick(&self.confidence, indices),
             tree: self.tree.clone(),
+            origin: self.origin,
         }
     }
 

@@ -2,6 +2,7 @@ use std::path::{Component, Path};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
+use glam::DVec3;
 
 use super::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind, ResultRecord};
 use crate::frames::{DepthCamera, DepthSource, Frame, FrameCamera};
@@ -21,6 +22,7 @@ impl Project {
             Edit::SetMask { frame, mask } => self.set_mask(frame, mask),
             Edit::SetMarks { label, marks } => self.set_marks(label, marks),
             Edit::SetStale { frames, stale } => Ok(self.set_stale(&frames, stale)),
+            Edit::SetOrigin { origin } => self.set_origin(origin),
             Edit::SetCamera { frame, camera } => self.set_camera(frame, camera),
             Edit::SetDepth { frame, depth } => self.set_depth(frame, depth),
             Edit::AddFrames { frames } => self.add_frames(frames),
@@ -138,6 +140,11 @@ impl Project {
             }
         }
         Edit::SetStale { frames: changed, stale: !stale }
+    }
+
+    fn set_origin(&mut self, origin: DVec3) -> Result<Edit> {
+        ensure!(origin.is_finite(), "the origin of the coordinates is not finite");
+        Ok(Edit::SetOrigin { origin: std::mem::replace(&mut self.origin, origin) })
     }
 
     fn set_camera(&mut self, frame: usize, camera: Option<FrameCamera>) -> Result<Edit> {

@@ -1,3 +1,4 @@
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{FrameMask, Marks, ResultKind, ResultRecord};
@@ -45,6 +46,11 @@ pub enum Edit {
         label: LabelId,
         /// Empty = nothing was said.
         marks: Marks,
+    },
+    /// Sets the origin that coordinates are relative to. It moves nothing: cameras are set in the same step.
+    SetOrigin {
+        /// In the coordinates in which cameras were given.
+        origin: DVec3,
     },
     /// Sets a frame's camera.
     SetCamera {

@@ -37,6 +37,7 @@ mod models;
 mod networks;
 mod on_demand;
 mod open_project;
+mod origin;
 mod pictures;
 mod portrayal;
 mod prepared;

@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{Coordinates, FuseRequest, Marks};
@@ -12,6 +13,9 @@ use crate::masks::{LabelId, LabelTree, Prompt, RunMask};
 pub struct Project {
     /// Frames in the project's order; a frame's number is its place here and never changes.
     pub frames: Arc<Vec<Frame>>,
+    /// What positions in the project are relative to, in the coordinates in which cameras were given; zero where these
+    /// are small. Positions are kept in 32 bits, which cannot hold millimetres at the size of UTM or ECEF coordinates.
+    pub origin: DVec3,
     /// The label tree.
     pub labels: LabelTree,
     /// What the user gave, by frame number and label.

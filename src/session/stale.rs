@@ -18,6 +18,7 @@ impl Project {
             Edit::SetFrame { frame, value } => self.after_frame(*frame, value),
             Edit::SetPrompt { .. }
             | Edit::SetStale { .. }
+            | Edit::SetOrigin { .. }
             | Edit::AddFrames { .. }
             | Edit::DropFrames { .. }
             | Edit::SetResult { .. } => Vec::new(),

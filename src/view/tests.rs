@@ -40,6 +40,7 @@ fn sphere(points: usize) -> LabelledCloud {
         labels: (0..points).map(|i| LabelId(1 + (i * 2 / points) as u16)).collect(),
         confidence: vec![1.0; points],
         tree,
+        ..LabelledCloud::default()
     }
 }
 

@@ -291,5 +291,6 @@ fn cloud() -> LabelledCloud {
         labels: (0..count).map(|i| LabelId((i % 4) as u16)).collect(),
         confidence: vec![0.9; count],
         tree: tree(),
+        ..LabelledCloud::default()
     }
 }

@@ -1,1 +1,151 @@
 //! Projected coordinates keep millimetres.
+
+use std::collections::BTreeSet;
+
+use glam::DVec3;
+use ostra::engine::job::Progress;
+use ostra::scene::LabelledCloud;
+use ostra::scene::ply::{read_mesh, read_ply};
+use serde_json::Value;
+
+use super::command_line::{Recording, done};
+
+const UTM: DVec3 = DVec3::new(500_012.25, 5_400_031.5, 312.75);
+const ECEF: DVec3 = DVec3::new(4_000_123.125, 700_456.5, 4_900_789.25);
+
+/// A recording whose cameras, which are not turned, are moved.
+fn moved(by: DVec3) -> Recording {
+    let recording = Recording::new();
+    let mut images = String::new();
+    for k in 0..4_u32 {
+        let DVec3 { x, y, z } = -(by + DVec3::new(0.02 * f64::from(k), 0.0, 0.0));
+        images += &format!("{} 1 0 0 0 {x} {y} {z} 1 {k}.png\n\n", k + 1);
+    }
+    std::fs::write(recording.path("sparse/images.txt"), images).unwrap();
+    recording
+}
+
+fn fused(by: DVec3) -> (Recording, String) {
+    let recording = moved(by);
+    let project = recording.project();
+    label_and_fuse(&project);
+    (recording, project)
+}
+
+fn label_and_fuse(project: &str) {
+    done(&["label", project, "thing"]);
+    done(&["prompt", project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&["track", project, "--tracker", "geometry"]);
+    done(&["fuse", project, "--voxel", "0.01"]);
+}
+
+fn export(recording: &Recording, project: &str, option: &str, name: &str) -> String {
+    let path = recording.path(name);
+    done(&["export", project, option, &path]);
+    path
+}
+
+fn json(path: &str) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn global(cloud: &LabelledCloud) -> impl Iterator<Item = DVec3> {
+    cloud.positions.iter().map(|at| at.as_dvec3() + cloud.origin)
+}
+
+/// Bounds of what is labelled.
+fn bounds(cloud: &LabelledCloud) -> [DVec3; 2] {
+    let labelled = || global(cloud).zip(&cloud.labels).filter(|(_, label)| label.0 == 1).map(|(at, _)| at);
+    [labelled().reduce(DVec3::min).unwrap(), labelled().reduce(DVec3::max).unwrap()]
+}
+
+/// As many points and labels, up to where the voxel grid cuts, in the same place up to a voxel.
+fn assert_same(near: &LabelledCloud, far: &LabelledCloud, by: DVec3) {
+    let count = |cloud: &LabelledCloud| cloud.labels.iter().filter(|label| label.0 == 1).count() as f64;
+    let close = |a: f64, b: f64| (a - b).abs() <= 0.1 * a;
+    assert!(close(near.len() as f64, far.len() as f64), "{} and {} points", near.len(), far.len());
+    assert!(close(count(near), count(far)), "{} and {} labelled", count(near), count(far));
+    for (near, far) in bounds(near).into_iter().zip(bounds(far)) {
+        assert!(far.abs_diff_eq(near + by, 0.011), "{near} and {far}");
+    }
+    // Fronto-parallel planes at 1 m and 2 m: nothing blurs their depth, whatever the grid.
+    let depths = |at: DVec3| (at.z - by.z - 1.0).abs().min((at.z - by.z - 2.0).abs());
+    assert!(near.len() < 100 || global(far).map(depths).filter(|&off| off < 1e-3).count() * 10 > far.len() * 9);
+}
+
+#[test]
+fn clouds_meshes_and_exports_in_utm_and_ecef_are_those_at_the_origin() {
+    let progress = Progress::default();
+    let (home, near) = fused(DVec3::ZERO);
+    let near_cloud = read_ply(export(&home, &near, "--cloud", "c.ply").as_ref(), &progress).unwrap().cloud;
+    let near_mesh = read_mesh(export(&home, &near, "--mesh", "m.ply").as_ref(), &progress).unwrap().vertices;
+    assert!(!std::fs::exists(home.path("c.ply.origin.json")).unwrap(), "small coordinates are left as they are");
+    for by in [UTM, ECEF] {
+        let (recording, project) = fused(by);
+        let path = export(&recording, &project, "--cloud", "c.ply");
+        let cloud = read_ply(path.as_ref(), &progress).unwrap().cloud;
+        assert_same(&near_cloud, &cloud, by);
+        let mesh = read_mesh(export(&recording, &project, "--mesh", "m.ply").as_ref(), &progress).unwrap().vertices;
+        assert_same(&near_mesh, &mesh, by);
+        let voxels = read_ply(export(&recording, &project, "--voxels", "v.ply").as_ref(), &progress).unwrap().cloud;
+        assert_eq!(voxels.origin, cloud.origin);
+        let origin: Vec<f64> = serde_json::from_value(json(&format!("{path}.origin.json"))["origin"].clone()).unwrap();
+        assert_eq!(origin, cloud.origin.to_array());
+        let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
+        assert_eq!(info["origin"], serde_json::json!(origin));
+
+        let las = export(&recording, &project, "--cloud", "c.las");
+        let points = las::Reader::from_path(las).unwrap().read_all().unwrap();
+        for (point, at) in points.iter().zip(global(&cloud)) {
+            assert!(DVec3::new(point.x, point.y, point.z).abs_diff_eq(at, 1e-4), "{point:?} and {at}");
+        }
+        let cameras = export(&recording, &project, "--cameras", "out");
+        let own = format!("{project}/sparse");
+        for result in [cameras, own] {
+            let truth = recording.path("sparse");
+            let score = done(&["eval", "cameras", "--truth", &truth, "--result", &result, "--json"]);
+            let score: Value = serde_json::from_str(&score).unwrap();
+            assert!(score["error"]["centre"]["max"].as_f64().unwrap() < 1e-6, "{score}");
+        }
+    }
+}
+
+#[test]
+fn a_foreign_ply_of_doubles_scores_to_the_millimetre() {
+    let progress = Progress::default();
+    let (recording, project) = fused(UTM);
+    let path = export(&recording, &project, "--cloud", "c.ply");
+    let cloud = read_ply(path.as_ref(), &progress).unwrap().cloud;
+    let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", cloud.len());
+    text += "property double x\nproperty double y\nproperty double z\nend_header\n";
+    for at in global(&cloud) {
+        text += &format!("{} {} {}\n", at.x, at.y, at.z);
+    }
+    let foreign = recording.path("foreign.ply");
+    std::fs::write(&foreign, text).unwrap();
+    for [truth, result] in [[&foreign, &path], [&path, &foreign]] {
+        let score = done(&["eval", "cloud", "--truth", truth, "--result", result, "--within", "0.001", "--json"]);
+        assert!(score.contains("\"recall\":1.0") || score.contains("\"completeness\":1.0"), "{score}");
+    }
+}
+
+#[test]
+fn frames_added_later_undo_and_an_earlier_version_agree() {
+    let recording = moved(UTM);
+    let project = recording.path("project");
+    let [color, depth, sparse] = ["color", "depth", "sparse"].map(|name| recording.path(name));
+    done(&["new", &project, "--frames", &color]);
+    // Frames without cameras have no coordinates: the origin comes with the first cameras.
+    assert!(done(&["info", &project, "--json"]).contains("\"origin\":[0.0,0.0,0.0]"));
+    let more = ["add", &project, "--frames", &color, "--depth", &depth, "--cameras", &sparse];
+    done(&more);
+    let manifest = || std::fs::read_to_string(format!("{project}/project.toml")).unwrap();
+    assert!(done(&["info", &project, "--json"]).contains("\"origin\":[500000.0,5400000.0,300.0]"));
+    done(&["undo", &project]);
+    assert!(done(&["info", &project, "--json"]).contains("\"origin\":[0.0,0.0,0.0]"));
+    done(&["redo", &project]);
+    done(&more);
+    let centres: BTreeSet<String> =
+        manifest().lines().filter(|line| line.starts_with("translation")).map(str::to_owned).collect();
+    assert_eq!(centres.len(), 4, "the same cameras are the same in both: {centres:?}");
+}

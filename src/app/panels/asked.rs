@@ -115,7 +115,7 @@ pub(super) fn asked_ui(
     place.put(window, ui, rect, (asked.place(), at)).constrain_to(rect).show(ui.ctx(), |ui| {
         let tree = if look.root.is_some() { &look.project.labels } else { &asked.cloud.tree };
         label_ui(ui, tree, asked.cloud.labels[asked.point]);
-        let at = asked.place();
+        let at = asked.place().as_dvec3() + asked.cloud.origin;
         ui.weak(format!("at {:.4}, {:.4}, {:.4}", at.x, at.y, at.z)).on_hover_text("World units");
         let confidence = asked.cloud.confidence[asked.point];
         ui.label(format!("{:.0} % of the votes", 100.0 * confidence));

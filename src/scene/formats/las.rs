@@ -57,7 +57,7 @@ pub(super) fn save(
             if index % STRIDE == 0 {
                 progress.step(index, cloud.len())?;
             }
-            let (at, label) = (cloud.positions[index].as_dvec3(), cloud.labels[index]);
+            let (at, label) = (cloud.positions[index].as_dvec3() + cloud.origin, cloud.labels[index]);
             let class = classes.get(&label).copied().unwrap_or(0);
             let [red, green, blue] = colors[index].map(|channel| u16::from(channel) * 257);
             let point = Point {
@@ -109,7 +109,7 @@ fn header(cloud: &LabelledCloud, packing: Packing) -> Result<las::Header, SceneE
     let mut builder = Builder::default();
     builder.version = Version::new(1, 4);
     builder.point_format = format;
-    builder.transforms = transforms(&cloud.positions)?;
+    builder.transforms = transforms(&cloud.positions, cloud.origin)?;
     builder.generating_software = format!("OSTRA {}", env!("CARGO_PKG_VERSION"));
     builder.system_identifier = "OTHER".into();
     builder.has_wkt_crs = true;
@@ -126,9 +126,9 @@ fn descriptor(name: &str, kind: u8, text: &str) -> Vec<u8> {
     bytes
 }
 
-/// Offsets in the middle of the points, and as scale the power of ten below the resolution of their coordinates, or what
+/// Offsets in the middle of the points around the origin, and as scale the power of ten below the resolution of their coordinates, or what
 /// 32-bit integers need.
-fn transforms(positions: &[Vec3]) -> Result<Vector<Transform>, SceneError> {
+fn transforms(positions: &[Vec3], origin: DVec3) -> Result<Vector<Transform>, SceneError> {
     if !positions.iter().all(|at| at.is_finite()) {
         return Err(SceneError::Request("the cloud has points without a place, which LAS cannot hold; use PLY".into()));
     }
@@ -140,7 +140,7 @@ fn transforms(positions: &[Vec3]) -> Result<Vector<Transform>, SceneError> {
     let scale = fine.max(needed);
     let middle = (0.5 * (low + high) / scale).round() * scale;
     let transform = |offset| Transform { scale, offset };
-    let DVec3 { x, y, z } = middle;
+    let DVec3 { x, y, z } = origin + middle;
     Ok(Vector { x: transform(x), y: transform(y), z: transform(z) })
 }
 

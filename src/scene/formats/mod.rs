@@ -12,6 +12,7 @@ mod names;
 mod npy;
 mod npz;
 mod obj;
+mod origin;
 mod patient;
 mod pcd;
 mod places;
@@ -23,4 +24,5 @@ mod zip;
 
 pub use cloud_format::CloudFormat;
 pub use mesh_format::MeshFormat;
+pub use origin::save_origin;
 pub use voxel_format::VoxelFormat;

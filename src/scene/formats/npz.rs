@@ -33,7 +33,7 @@ pub(super) fn save(
     let places: Vec<u8> = indices.iter().flat_map(IVec3::to_array).flat_map(i32::to_le_bytes).collect();
     let labels = shorts(&mut voxels.labels.iter().copied());
     let confidence: Vec<u8> = voxels.confidence.iter().flat_map(|share| share.to_le_bytes()).collect();
-    let origin: Vec<u8> = origin.to_array().into_iter().flat_map(f64::to_le_bytes).collect();
+    let origin: Vec<u8> = (origin + voxels.origin).to_array().into_iter().flat_map(f64::to_le_bytes).collect();
     let arrays = [
         ("indices", array("<i4", &[count, 3], &places)),
         ("labels", array("<u2", &[count], &labels)),

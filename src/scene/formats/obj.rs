@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::names::{color_of, safe_names};
 use crate::engine::job::Progress;
 use crate::masks::{LabelId, LabelTree};
-use crate::scene::ply::{Coloring, comments_of, file_part};
+use crate::scene::ply::{Coloring, comments_of, file_part, origin_comment};
 use crate::scene::whole_file::{unplaced, write_whole};
 use crate::scene::{LabelledMesh, SceneError};
 
@@ -29,6 +29,8 @@ pub(super) fn save(
     write_whole(&materials_path(path), |out| out.write_all(materials.as_bytes()).map_err(unplaced))?;
     write_whole(path, |out| {
         let mut out = BufWriter::with_capacity(1 << 18, out);
+        let origin = origin_comment(mesh.vertices.origin).map(|comment| format!("# {comment}\n")).unwrap_or_default();
+        out.write_all(origin.as_bytes()).map_err(unplaced)?;
         out.write_all(head(tree, &library).as_bytes()).map_err(unplaced)?;
         let mut before = 0;
         for (id, part) in &parts {

@@ -34,7 +34,9 @@ impl LabelledMesh {
             before = mesh.left();
             collapse_cheapest(&mut mesh, target, progress)?;
         }
-        Ok(mesh.finish().unwelded(&self.vertices.tree))
+        let mut mesh = mesh.finish().unwelded(&self.vertices.tree);
+        mesh.vertices.origin = self.vertices.origin;
+        Ok(mesh)
     }
 }
 

@@ -1,5 +1,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
+use glam::DVec3;
+
 use crate::masks::{Label, LabelId, LabelTree, MAX_DEPTH};
 
 /// The comment lines that keep a label tree in a PLY header: `label ID PARENT NAME`, then `color ID RRGGBB`. They are
@@ -14,6 +16,22 @@ pub(in crate::scene) fn comments_of(tree: &LabelTree) -> Vec<String> {
         format!("color {} {red:02x}{green:02x}{blue:02x}", label.id.0)
     });
     names.chain(colors).collect()
+}
+
+/// The comment line that keeps an origin other than zero: `origin X Y Z`, digits enough to read the same numbers back.
+pub(in crate::scene) fn origin_comment(origin: DVec3) -> Option<String> {
+    let DVec3 { x, y, z } = origin;
+    (origin != DVec3::ZERO).then(|| format!("origin {x} {y} {z}"))
+}
+
+/// The origin kept in a header's comments; zero where there is none.
+pub(super) fn origin_from_comments(comments: &[String]) -> DVec3 {
+    let origin = |comment: &String| -> Option<DVec3> {
+        let numbers: Vec<f64> =
+            comment.strip_prefix("origin ")?.split_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
+        <[f64; 3]>::try_from(numbers).ok().map(DVec3::from_array).filter(|origin| origin.is_finite())
+    };
+    comments.iter().find_map(origin).unwrap_or_default()
 }
 
 /// The label tree kept in a header's comments; lines that are no label or colour are other people's and are left alone.

@@ -8,7 +8,7 @@ use ply_rs::ply::{ElementDef, Encoding};
 use super::ascii;
 use super::faces::read_faces;
 use super::header::{Layout, StoredColors, first_line};
-use super::names::tree_from_comments;
+use super::names::{origin_from_comments, tree_from_comments};
 use super::vertex::{Slot, Vertex};
 use crate::engine::disk;
 use crate::engine::job::Progress;
@@ -18,12 +18,16 @@ use crate::scene::{LabelledCloud, LabelledMesh, SceneError};
 
 /// Points between two looks at the stop sign.
 const STRIDE: usize = 1 << 16;
+/// From here on coordinates of more than 32 bits become relative to an origin.
+const FAR: f64 = 1000.0;
+/// That origin is a multiple of this.
+const ORIGIN_STEP: f64 = 100.0;
 
 /// A cloud read from a PLY file, and what the file had.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlyCloud {
     /// The points. Grey where the file has no colours; normals zero, labels 0 where it has none; confidence 1 for a
-    /// labelled point where it has none. Ids without a name in the file have a label named after the number.
+    /// labelled point where it has none. Positions of more digits than 32 bits hold are relative to `cloud.origin`. Ids without a name in the file have a label named after the number.
     pub cloud: LabelledCloud,
     /// Whether the file has labels.
     pub has_labels: bool,
@@ -32,7 +36,7 @@ pub struct PlyCloud {
     /// Whether the file has colours.
     pub has_colors: bool,
     /// What the user should know: points dropped because their position is no finite number (organised clouds mark
-    /// holes so), positions that lose digits in 32 bits, labels that mean "none", the range that colours were taken for.
+    /// holes so), labels that mean "none", the range that colours were taken for.
     pub warnings: Vec<String>,
 }
 
@@ -179,7 +183,10 @@ struct Builder {
     dropped: usize,
     /// Points whose label means "none", and the first such label.
     without_label: Option<(usize, f64)>,
-    farthest: f64,
+    /// Whether the file may hold more digits than 32 bits do.
+    is_exact: bool,
+    /// What positions are reduced by, from the first point on.
+    shift: Option<DVec3>,
 }
 
 impl Builder {
@@ -191,6 +198,7 @@ impl Builder {
             labels: Vec::with_capacity(capacity),
             confidence: Vec::with_capacity(capacity),
             tree: tree_from_comments(&layout.comments),
+            origin: origin_from_comments(&layout.comments),
         };
         Self {
             cloud,
@@ -198,15 +206,17 @@ impl Builder {
             colors: layout.colors,
             has_colors: layout.has(Slot::Red) && layout.has(Slot::Green) && layout.has(Slot::Blue),
             has_confidence: layout.has(Slot::Confidence),
+            is_exact: layout.double_positions || layout.encoding == Encoding::Ascii,
+            shift: None,
             dropped: 0,
             without_label: None,
-            farthest: 0.0,
         }
     }
 
     fn push(&mut self, vertex: &Vertex) -> Result<(), String> {
         let exact = DVec3::new(vertex.at(Slot::X), vertex.at(Slot::Y), vertex.at(Slot::Z));
         let position = exact.as_vec3();
+        let position = if position.is_finite() { self.reduced(exact) } else { position };
         if !position.is_finite() {
             self.dropped += 1;
             return Ok(());
@@ -218,7 +228,6 @@ impl Builder {
         } else {
             label_id(stored)?
         };
-        self.farthest = self.farthest.max(exact.abs().max_element());
         self.cloud.positions.push(position);
         self.cloud.normals.push(self.normal(vertex));
         let color = [Slot::Red, Slot::Green, Slot::Blue].map(|slot| vertex.at(slot));
@@ -230,6 +239,16 @@ impl Builder {
         self.cloud.labels.push(label);
         self.cloud.confidence.push(self.confidence(vertex, label));
         Ok(())
+    }
+
+    /// The position in 32 bits. Where the file has more digits and its first point lies far from zero, positions become
+    /// relative to an origin near that.
+    fn reduced(&mut self, exact: DVec3) -> Vec3 {
+        let shift = *self.shift.get_or_insert_with(|| {
+            let is_far = self.is_exact && exact.abs().max_element() >= FAR;
+            if is_far { (exact / ORIGIN_STEP).round() * ORIGIN_STEP + DVec3::ZERO } else { DVec3::ZERO }
+        });
+        (exact - shift).as_vec3()
     }
 
     fn normal(&self, vertex: &Vertex) -> Vec3 {
@@ -281,14 +300,7 @@ impl Builder {
         if self.dropped > 0 {
             warnings.push(format!("{} points without a finite position were left out", self.dropped));
         }
-        let rounding = self.farthest * f64::from(f32::EPSILON) / 2.0;
-        if layout.double_positions && self.farthest > 65_536.0 {
-            warnings.push(format!(
-                "positions reach {:.0} units from the origin and are rounded to {rounding:.3} units in 32 bits; \
-                 shift the cloud towards the origin to keep its detail",
-                self.farthest
-            ));
-        }
+        self.cloud.origin += self.shift.unwrap_or_default();
         PlyCloud {
             has_labels: layout.has(Slot::Label),
             has_normals: layout.has(Slot::Nx) && layout.has(Slot::Ny) && layout.has(Slot::Nz),

@@ -8,7 +8,7 @@ use ply_rs::ply::{
 };
 use ply_rs::writer::Writer;
 
-use super::names::comments_of;
+use super::names::{comments_of, origin_comment};
 use crate::engine::job::Progress;
 use crate::scene::whole_file::{unplaced, write_whole};
 use crate::scene::{LabelledCloud, LabelledMesh, SceneError};
@@ -134,6 +134,7 @@ fn header(cloud: &LabelledCloud, triangles: Option<&[[u32; 3]]>) -> Header {
     header.encoding = Encoding::BinaryLittleEndian;
     header.version = Version { major: 1, minor: 0 };
     header.comments = comments_of(&cloud.tree);
+    header.comments.extend(origin_comment(cloud.origin));
     header.elements.add(vertex);
     if let Some(triangles) = triangles {
         let mut face = ElementDef::new("face".into());

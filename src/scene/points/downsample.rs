@@ -22,7 +22,7 @@ pub fn downsample(cloud: &LabelledCloud, voxel: f64) -> Result<LabelledCloud, Sc
     let mut order: Vec<((i64, i64, i64), u32)> =
         cloud.positions.iter().enumerate().map(|(index, position)| (cell(position), index as u32)).collect();
     order.par_sort_unstable();
-    let mut thin = LabelledCloud { tree: cloud.tree.clone(), ..LabelledCloud::default() };
+    let mut thin = LabelledCloud { tree: cloud.tree.clone(), origin: cloud.origin, ..LabelledCloud::default() };
     for group in order.chunk_by(|a, b| a.0 == b.0) {
         let members: Vec<usize> = group.iter().map(|&(_, index)| index as usize).collect();
         push_mean(&mut thin, cloud, &members);

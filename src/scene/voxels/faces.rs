@@ -9,7 +9,7 @@ pub fn voxel_faces(voxels: &LabelledCloud, voxel: f64) -> LabelledMesh {
     let place = |at: Vec3| (at.as_dvec3() / voxel).floor().as_ivec3();
     let filled: FxHashSet<IVec3> = voxels.positions.iter().map(|&at| place(at)).collect();
     let mut mesh = LabelledMesh {
-        vertices: LabelledCloud { tree: voxels.tree.clone(), ..LabelledCloud::default() },
+        vertices: LabelledCloud { tree: voxels.tree.clone(), origin: voxels.origin, ..LabelledCloud::default() },
         triangles: Vec::new(),
     };
     let half = (voxel / 2.0) as f32;

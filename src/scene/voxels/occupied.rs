@@ -49,7 +49,7 @@ pub fn voxelize(cloud: &LabelledCloud, votes: Option<&Votes>, voxel: f64) -> Res
         }
     }
     let majority = Majority::new(&cloud.tree);
-    let mut voxels = LabelledCloud { tree: cloud.tree.clone(), ..LabelledCloud::default() };
+    let mut voxels = LabelledCloud { tree: cloud.tree.clone(), origin: cloud.origin, ..LabelledCloud::default() };
     for ([z, y, x], cell) in cells {
         let verdict = majority.decide(&scaled(&cell.votes));
         voxels.positions.push(((DVec3::new(f64::from(x), f64::from(y), f64::from(z)) + 0.5) * voxel).as_vec3());

@@ -274,6 +274,9 @@ fn edits(project: &Project, result: &Cameras, poses: Poses, record: ResultRecord
         .collect();
     let numbers = result.calibrations.iter().flat_map(|calibration| &calibration.frames);
     edits.extend(numbers.map(|&frame| Edit::SetDepth { frame, depth: calibrated[frame].depth.clone() }));
+    if matches!(poses, Poses::Anew) {
+        edits.push(Edit::SetOrigin { origin: glam::DVec3::ZERO });
+    }
     edits.push(Edit::SetResult { kind: ResultKind::Cameras, record: Some(record) });
     let measured = frames.clone().filter(|(_, frame)| frame.has_sensor_depth()).count();
     let made = frames.filter(|(_, frame)| frame.depth.is_some()).count() > measured;

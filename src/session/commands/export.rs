@@ -9,7 +9,7 @@ use crate::frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write
 use crate::frames::{Frame, FrameStore};
 use crate::masks::{Label, LabelId, LabelTree, MaskFormat};
 use crate::scene::LabelledCloud;
-use crate::scene::formats::{CloudFormat, MeshFormat, VoxelFormat};
+use crate::scene::formats::{CloudFormat, MeshFormat, VoxelFormat, save_origin};
 use crate::scene::fuse::Votes;
 use crate::scene::measure::LengthUnit;
 use crate::scene::ply::{label_paths, read_ply, twin_path};
@@ -143,10 +143,14 @@ fn write(
         let cloud = load_cloud(sources, progress)?;
         if let Some(path) = &request.cloud {
             write_cloud(path, &cloud, request, progress)?;
+            warnings.extend(save_origin(path, cloud.origin)?);
             warnings.extend(without_points(&cloud, request.level).filter(|_| request.per_label));
         }
         let voxels = |path| super::models::write_voxels(path, &cloud, sources, request, progress);
         request.voxels.as_deref().map_or(Ok(()), voxels)?;
+        if let Some(path) = &request.voxels {
+            warnings.extend(save_origin(path, cloud.origin)?);
+        }
         let traits = |path| super::traits::write(path, &cloud, request, sources.unit, progress);
         request.traits.as_deref().map_or(Ok(()), traits)?;
     }
@@ -154,9 +158,12 @@ fn write(
         warnings.extend(super::models::write_mesh(path, sources, request, progress)?);
     }
     let of_project = |root| read_sparse(root, &sources.project);
-    let sparse = || sources.root.as_deref().map_or_else(|| Ok(SparsePoints::default()), of_project);
+    let sparse = || -> Result<SparsePoints> {
+        let points = sources.root.as_deref().map_or_else(|| Ok(SparsePoints::default()), of_project)?;
+        Ok(sources.project.global_points(points))
+    };
     if let Some(folder) = &request.cameras {
-        let frames = &sources.project.frames;
+        let frames = &sources.project.global_frames();
         let renamed = match request.camera_encoding {
             ModelEncoding::Text => with_text_names(frames),
             ModelEncoding::Binary => None,

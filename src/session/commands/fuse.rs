@@ -23,6 +23,10 @@ use crate::session::{Coordinates, Edit, Event, FuseRequest, JobId, Project, Resu
 impl Session {
     pub(in crate::session) fn fuse(&mut self, request: &FuseRequest) -> Result<JobId> {
         self.check_no_long_job()?;
+        let edits = self.snapshot()?.move_origin_near_cameras();
+        if !edits.is_empty() {
+            self.commit("Move the origin to the cameras", edits)?;
+        }
         let (project, request) = (self.snapshot()?, request.clone());
         let version = self.opened()?.next_version()?;
         let root = self.opened()?.root().to_owned();
@@ -92,7 +96,8 @@ fn make(
     {
         return Ok((fused, before.record.settings.clone()));
     }
-    let fused = make_points(&views, root, project, (request, onto), progress)?;
+    let mut fused = make_points(&views, root, project, (request, onto), progress)?;
+    fused.cloud.origin = project.origin;
     let settings = settings(request, &fused, stereo_version(project).is_some());
     Ok((fused, settings))
 }
@@ -108,6 +113,7 @@ fn make_points(
     let onto = OntoOptions { min_confidence, drop_unlabelled, ..OntoOptions::default() };
     if let Some(path) = &request.onto {
         let mut given = read_ply(path, progress)?;
+        given.cloud.move_origin(project.origin);
         if let Some(factor) = scale.factor {
             given.cloud.scale_by(factor);
         }

@@ -4,20 +4,20 @@ use anyhow::{Context, Result};
 
 use super::export::Sources;
 use crate::engine::job::Progress;
-use crate::scene::formats::{MeshFormat, VoxelFormat};
+use crate::scene::formats::{MeshFormat, VoxelFormat, save_origin};
 use crate::scene::fuse::ProjectViews;
 use crate::scene::ply::{Coloring, label_paths, read_mesh, save_per_label, twin_path};
 use crate::scene::{LabelledCloud, LabelledMesh, SceneError, fill_interior, voxelize};
 use crate::session::ExportRequest;
 
 /// Writes the surface that was made with the cloud, under the label names of today: every triangle in one label. Returns
-/// a warning where more triangles are left than were asked for.
+/// warnings: where more triangles are left than were asked for, and what positions are relative to.
 pub(super) fn write_mesh(
     path: &Path,
     sources: &Sources,
     request: &ExportRequest,
     progress: &Progress,
-) -> Result<Option<String>> {
+) -> Result<Vec<String>> {
     let format = MeshFormat::of(path)?;
     let (file, _) = sources.surface.as_ref().context("the cloud has no surface")?;
     let mut mesh = read_mesh(file, progress).context("the project's mesh is gone; fuse again")?;
@@ -40,7 +40,7 @@ pub(super) fn write_mesh(
             format.save(&files[&id], &part, Coloring::Picture, progress)?;
         }
     }
-    Ok(warning)
+    Ok(warning.into_iter().chain(save_origin(path, mesh.vertices.origin)?).collect())
 }
 
 /// The mesh with a share of its triangles, and a warning where their number is clearly above that.

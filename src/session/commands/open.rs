@@ -7,6 +7,7 @@ use crate::engine::job::Progress;
 use crate::frames::cameras::{GivenCameras, attach_intrinsics};
 use crate::frames::{self, Frame, FrameStore, OpenRequest, Opened, PictureSource};
 use crate::session::jobs::{Kind, Landing};
+use crate::session::origin::{make_relative, origin_near};
 use crate::session::session::PIXEL_BYTES;
 use crate::session::store::{Folder, Loaded, LockError};
 use crate::session::{Coordinates, Edit, Event, JobId, NewProject, OpenProject, Project, Session};
@@ -16,8 +17,10 @@ impl Session {
         let new = NewProject { root: full_path(&new.root)?, ..new.clone() };
         Folder::check_new(&new.root)?;
         Ok(self.start("Open frames", Kind::Short, move |link| {
-            let opened = read_frames(&new, &link.progress)?;
-            let project = Project { frames: Arc::default(), ..Project::default() };
+            let mut opened = read_frames(&new, &link.progress)?;
+            let origin = origin_near(&opened.frames);
+            make_relative(&mut opened.frames, origin);
+            let project = Project { frames: Arc::default(), origin, ..Project::default() };
             let project = with_frames(project, opened.frames)?;
             let open = OpenProject::create(&new.root, project)?;
             Ok(take_open(open, opened.warnings))
@@ -70,11 +73,12 @@ impl Session {
         let new = new.clone();
         Ok(self.start("Add frames", Kind::Short, move |link| {
             let Opened { frames, warnings } = read_frames(&new, &link.progress)?;
-            let frames = with_free_names(frames, &project)?;
+            let mut frames = with_free_names(frames, &project)?;
             Ok(Box::new(move |session: &mut Self| {
                 let frames = in_scene_scale(frames, &*session.snapshot()?);
                 let title = format!("Add {} frames", frames.len());
-                session.commit(&title, vec![Edit::AddFrames { frames }])?;
+                let edits = add_in_place(&mut frames, session.snapshot()?.as_ref());
+                session.commit(&title, edits.into_iter().chain([Edit::AddFrames { frames }]).collect())?;
                 session.warn_all(warnings);
                 Ok(())
             }))
@@ -94,6 +98,23 @@ fn open_or_view(root: &Path, progress: &Progress) -> Result<Loaded> {
     let mut loaded = Folder::view(root, "its folder cannot be written; copy it to one with write access", progress)?;
     loaded.warnings.insert(0, format!("{error:#}; it is open for viewing"));
     Ok(loaded)
+}
+
+/// Makes the poses of frames to be added relative to the project's origin. Where there are cameras for the first time, or
+/// the project has no origin but needs one, the edits set it.
+fn add_in_place(frames: &mut [Frame], project: &Project) -> Vec<Edit> {
+    let mut edits = project.move_origin_near_cameras();
+    let moved = edits.iter().find_map(|edit| match edit {
+        Edit::SetOrigin { origin } => Some(*origin),
+        _ => None,
+    });
+    let is_posed = project.frames.iter().any(|frame| frame.posed_camera().is_some());
+    let origin = moved.unwrap_or_else(|| if is_posed { project.origin } else { origin_near(frames) });
+    if moved.is_none() && origin != project.origin {
+        edits.push(Edit::SetOrigin { origin });
+    }
+    make_relative(frames, origin);
+    edits
 }
 
 /// Puts a project in the place of what is open.

@@ -65,7 +65,8 @@ impl Sources<'_> {
         if surface.mesh.triangles.is_empty() {
             return Ok(Made::Nothing(Some("no surface was made: the depths hold none at this voxel size".into())));
         }
-        let (mesh, votes) = self.vote(surface.mesh, &views, progress)?;
+        let (mut mesh, votes) = self.vote(surface.mesh, &views, progress)?;
+        mesh.vertices.origin = self.project.origin;
         save_surface(self.root, version, &mesh, &votes, progress)?;
         Ok(Made::Surface { voxel: options.voxel })
     }

@@ -31,7 +31,8 @@ pub fn write(
     let project =
         &named.map_or_else(|| project.clone(), |frames| Project { frames: Arc::new(frames), ..project.clone() });
     let stems = super::masks::stems(project)?;
-    let frames: Vec<Frame> = project.frames.iter().zip(&stems).map(|(frame, stem)| pinhole(frame, stem)).collect();
+    let frames: Vec<Frame> =
+        project.global_frames().iter().zip(&stems).map(|(frame, stem)| pinhole(frame, stem)).collect();
     (0..frames.len()).into_par_iter().try_for_each(|number| {
         progress.step(done.fetch_add(1, Ordering::Relaxed), frames.len())?;
         write_frame(folder, project, number, &frames[number], store)

@@ -1,6 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use glam::DVec3;
 
 use super::seen::feature_views;
 use crate::engine::job::Progress;
@@ -38,7 +39,10 @@ pub struct TruthViews {
 /// When a file or a picture cannot be read, no picture has a camera, or nothing can be compared.
 pub fn evaluate_cloud(truth: &Path, result: &Path, evaluation: &CloudEvaluation) -> Result<(CloudScore, Vec<String>)> {
     let progress = Progress::default();
-    let (truth, result) = (read(truth, &progress)?, read(result, &progress)?);
+    let (mut truth, mut result) = (read(truth, &progress)?, read(result, &progress)?);
+    let origin = if truth.cloud.origin == DVec3::ZERO { result.cloud.origin } else { truth.cloud.origin };
+    truth.cloud.move_origin(origin);
+    result.cloud.move_origin(origin);
     let mut options = CloudScoreOptions {
         within: evaluation.within.clone(),
         level: evaluation.level,
@@ -47,9 +51,9 @@ pub fn evaluate_cloud(truth: &Path, result: &Path, evaluation: &CloudEvaluation)
     let mut warnings = [truth.warnings, result.warnings].concat();
     if let Some(views) = &evaluation.views {
         options.min_views = views.min_views;
-        options.cameras = frusta(&views.cameras)?;
+        options.cameras = frusta(&views.cameras, origin)?;
         if let Some(frames) = &views.frames {
-            let (pictures, more) = feature_views(frames, &views.cameras, &progress)?;
+            let (pictures, more) = feature_views(frames, &views.cameras, origin, &progress)?;
             options.pictures = Some(pictures);
             warnings.extend(more);
         }
@@ -62,7 +66,7 @@ fn read(path: &Path, progress: &Progress) -> Result<PlyCloud> {
     Ok(read_ply(path, progress)?)
 }
 
-fn frusta(path: &Path) -> Result<Vec<FrameCamera>> {
+fn frusta(path: &Path, origin: DVec3) -> Result<Vec<FrameCamera>> {
     let given = GivenCameras::read(path)?;
     let posed = given.cameras.iter().filter(|camera| camera.camera_from_world.is_ok());
     let cameras = posed.map(|camera| {
@@ -74,7 +78,8 @@ fn frusta(path: &Path) -> Result<Vec<FrameCamera>> {
             )
         })?;
         let intrinsics = intrinsics.for_picture(width, height).map_err(anyhow::Error::msg)?;
-        Ok(FrameCamera::given(intrinsics, camera.camera_from_world.clone().ok()))
+        let pose = camera.camera_from_world.as_ref().ok().map(|pose| pose.relative_to(origin));
+        Ok(FrameCamera::given(intrinsics, pose))
     });
     cameras.collect()
 }

@@ -1,6 +1,7 @@
 use std::path::Path;
 
 use anyhow::{Result, ensure};
+use glam::DVec3;
 
 use super::frames::{PIXEL_BYTES, read_frames};
 use crate::engine::job::Progress;
@@ -10,8 +11,9 @@ use crate::scene::score::FeatureViews;
 use crate::scene::sfm::Sift;
 use crate::scene::sfm::matching::NearestMatcher;
 use crate::scene::stereo::{SparseOptions, sparse_from_cameras};
+use crate::session::origin::make_relative;
 
-/// Pictures (a folder, a film, or a project) with their cameras, matched by name, and what they have in common;
+/// Relative to `origin`, pictures (a folder, a film, or a project) with their cameras, matched by name, and what they have in common;
 /// pictures without a camera are left out. Gives with it what the user should know.
 ///
 /// # Errors
@@ -19,12 +21,14 @@ use crate::scene::stereo::{SparseOptions, sparse_from_cameras};
 pub(super) fn feature_views(
     pictures: &Path,
     cameras: &Path,
+    origin: DVec3,
     progress: &Progress,
 ) -> Result<(FeatureViews, Vec<String>)> {
     let (mut frames, mut warnings) = read_frames(pictures, progress)?;
     // A project's own poses are in its own space.
     frames.iter_mut().flat_map(|frame| &mut frame.camera).for_each(|camera| camera.camera_from_world = None);
     warnings.extend(GivenCameras::read(cameras)?.match_to(&mut frames)?);
+    make_relative(&mut frames, origin);
     let posed = |frame: &Frame| frame.camera.filter(|camera| camera.camera_from_world.is_some());
     frames.retain(|frame| posed(frame).is_some());
     ensure!(!frames.is_empty(), "{}: no picture has a camera in {}", pictures.display(), cameras.display());

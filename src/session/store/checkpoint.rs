@@ -60,10 +60,11 @@ impl Checkpoint {
         };
         let posed = frames.iter().any(|frame| frame.posed_camera().is_some());
         if posed && !self.before.sparse.as_ref().is_some_and(same) {
-            let sparse = load_sparse(&self.root, &self.project);
-            let named = with_text_names(frames);
-            let frames = named.as_deref().unwrap_or(frames);
-            let written = write_colmap_model(&self.root.join("sparse"), frames, &sparse, ModelEncoding::Text);
+            let sparse = self.project.global_points(load_sparse(&self.root, &self.project));
+            let global = self.project.global_frames();
+            let named = with_text_names(&global);
+            let named = named.as_deref().unwrap_or(&global);
+            let written = write_colmap_model(&self.root.join("sparse"), named, &sparse, ModelEncoding::Text);
             if let Err(error @ FrameError::Io { .. }) = written {
                 return Err(error.into());
             }

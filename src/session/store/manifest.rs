@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{durable, places};
@@ -21,6 +22,8 @@ pub struct Manifest {
     /// Where the project was when this was written. Paths of sources that share a folder with it are relative to it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub folder: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "is_zero")]
+    origin: DVec3,
     #[serde(default)]
     labels: Vec<Label>,
     #[serde(default)]
@@ -31,6 +34,11 @@ pub struct Manifest {
     results: BTreeMap<ResultKind, ResultRecord>,
     #[serde(default)]
     frames: Vec<Frame>,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference")]
+fn is_zero(origin: &DVec3) -> bool {
+    *origin == DVec3::ZERO
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -99,6 +107,7 @@ pub fn write(root: &Path, project: &Project, step: u64) -> Result<()> {
         format: FORMAT,
         step,
         folder,
+        origin: project.origin,
         labels: project.labels.iter().cloned().collect(),
         prompts: prompts.map(|(&(frame, label), prompt)| Given { frame, label, prompt: prompt.clone() }).collect(),
         marks: project.marks.iter().map(|(&label, marks)| Marked { label, marks: marks.clone() }).collect(),
@@ -115,9 +124,11 @@ impl Manifest {
     /// # Errors
     /// When an invariant does not hold: the file was changed by hand or damaged.
     pub fn into_project(mut self, root: &Path) -> Result<Project> {
+        ensure!(self.origin.is_finite(), "the origin of its coordinates is not finite");
         let home = self.folder.as_deref().filter(|folder| folder.is_absolute()).unwrap_or(root);
         self.frames.iter_mut().for_each(|frame| places::make_absolute(frame, home));
-        let mut project = Project { labels: tree(self.labels)?, results: self.results, ..Project::default() };
+        let mut project =
+            Project { labels: tree(self.labels)?, results: self.results, origin: self.origin, ..Project::default() };
         project.apply(crate::session::Edit::AddFrames { frames: self.frames })?;
         for Given { frame, label, prompt } in self.prompts {
             project.apply(crate::session::Edit::SetPrompt { frame, label, prompt: Some(prompt) })?;

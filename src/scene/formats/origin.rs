@@ -1,0 +1,33 @@
+use std::io::Write;
+use std::path::Path;
+
+use glam::DVec3;
+
+use crate::scene::SceneError;
+use crate::scene::whole_file::{unplaced, write_whole};
+
+/// Writes `NAME.origin.json` next to a file whose positions are relative to an origin other than zero, and returns what
+/// the user should know. LAS, LAZ and NPZ hold global coordinates themselves; the file says the same of them.
+///
+/// # Errors
+/// [`SceneError::Io`] where it cannot be written.
+pub fn save_origin(path: &Path, origin: DVec3) -> Result<Option<String>, SceneError> {
+    if origin == DVec3::ZERO {
+        return Ok(None);
+    }
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let is_global = matches!(ending.as_str(), "las" | "laz" | "npz");
+    // By the whole name: a cloud and a mesh of one stem have a file each.
+    let beside = path.with_file_name(format!("{}.origin.json", path.file_name().unwrap_or_default().to_string_lossy()));
+    let positions = if is_global { "global" } else { "relative to the origin: add it for global coordinates" };
+    let value = serde_json::json!({ "origin": origin.to_array(), "positions": positions });
+    write_whole(&beside, |out| writeln!(out, "{value:#}").map_err(unplaced))?;
+    let DVec3 { x, y, z } = origin;
+    Ok((!is_global).then(|| {
+        format!(
+            "{}: positions are relative to the origin {x} {y} {z}, which {} names; add it for global coordinates",
+            path.display(),
+            beside.display()
+        )
+    }))
+}
