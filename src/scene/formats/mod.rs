@@ -24,5 +24,5 @@ mod zip;
 
 pub use cloud_format::CloudFormat;
 pub use mesh_format::MeshFormat;
-pub use origin::save_origin;
+pub use origin::{origin_path, save_origin};
 pub use voxel_format::VoxelFormat;

@@ -1,10 +1,16 @@
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
 use crate::scene::SceneError;
 use crate::scene::whole_file::{unplaced, write_whole};
+
+/// Where [`save_origin`] writes: by the whole name, because a cloud and a mesh of one stem have a file each.
+#[must_use]
+pub fn origin_path(path: &Path) -> PathBuf {
+    path.with_file_name(format!("{}.origin.json", path.file_name().unwrap_or_default().to_string_lossy()))
+}
 
 /// Writes `NAME.origin.json` next to a file whose positions are relative to an origin other than zero, and returns what
 /// the user should know. LAS, LAZ and NPZ hold global coordinates themselves; the file says the same of them.
@@ -17,8 +23,7 @@ pub fn save_origin(path: &Path, origin: DVec3) -> Result<Option<String>, SceneEr
     }
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let is_global = matches!(ending.as_str(), "las" | "laz" | "npz");
-    // By the whole name: a cloud and a mesh of one stem have a file each.
-    let beside = path.with_file_name(format!("{}.origin.json", path.file_name().unwrap_or_default().to_string_lossy()));
+    let beside = origin_path(path);
     let positions = if is_global { "global" } else { "relative to the origin: add it for global coordinates" };
     let value = serde_json::json!({ "origin": origin.to_array(), "positions": positions });
     write_whole(&beside, |out| writeln!(out, "{value:#}").map_err(unplaced))?;

@@ -9,7 +9,7 @@ use crate::frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write
 use crate::frames::{Frame, FrameStore};
 use crate::masks::{Label, LabelId, LabelTree, MaskFormat};
 use crate::scene::LabelledCloud;
-use crate::scene::formats::{CloudFormat, MeshFormat, VoxelFormat, save_origin};
+use crate::scene::formats::{CloudFormat, MeshFormat, VoxelFormat, origin_path, save_origin};
 use crate::scene::fuse::Votes;
 use crate::scene::measure::LengthUnit;
 use crate::scene::ply::{label_paths, read_ply, twin_path};
@@ -210,6 +210,7 @@ fn output_folders(request: &ExportRequest) -> impl Iterator<Item = &Path> {
 fn output_files(request: &ExportRequest, tree: &LabelTree) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for path in [&request.cloud, &request.mesh, &request.voxels].into_iter().flatten() {
+        files.push(origin_path(path));
         let mut of_path = vec![path.clone()];
         if request.twin {
             of_path.push(twin_path(path));
