@@ -44,7 +44,8 @@ impl Project {
     pub fn global_frames(&self) -> Arc<Vec<Frame>> {
         let mut frames = Arc::clone(&self.frames);
         if self.origin != DVec3::ZERO {
-            make_relative(Arc::make_mut(&mut frames), -self.origin);
+            let moved: &mut Vec<Frame> = Arc::make_mut(&mut frames);
+            make_relative(moved, -self.origin);
         }
         frames
     }
