@@ -63,7 +63,8 @@ pub(super) fn import(
     let mut masks: BTreeMap<usize, RunMask> =
         jobs.iter().map(|job| job.0).zip(read.into_iter().map(|(mask, _)| mask)).collect();
     let (mut boxes, mut skipped) = (0, Skipped::default());
-    for ((frame, lines), file) in jobs.iter().map(|job| (job.0, job.1.len())).zip(files_lines) {
+    let counts: Vec<(usize, usize)> = jobs.iter().map(|(frame, lines)| (*frame, lines.len())).collect();
+    for ((frame, lines), file) in counts.into_iter().zip(files_lines) {
         // A file of boxes or unusable outlines is not a frame without labels.
         if lines == 0 && (file.boxes > 0 || !file.skipped.is_empty()) {
             masks.remove(&frame);
