@@ -434,7 +434,7 @@ pub(super) struct ShotArgs {
     #[arg(long, value_name = "FILE.mp4")]
     pub turntable: Option<PathBuf>,
     /// How long the film lasts.
-    #[arg(long, default_value = "8", value_name = "S", requires = "turntable", value_parser = values::positive)]
+    #[arg(long, default_value = "8", value_name = "S", requires = "turntable", value_parser = values::seconds)]
     pub seconds: f64,
     /// Pictures a second of the film.
     #[arg(long, default_value_t = 25, requires = "turntable", value_parser = clap::value_parser!(u32).range(1..=120))]

@@ -2,23 +2,18 @@ use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
 
 use super::print::{printable, say, warn};
+use super::stop;
 use crate::frames::{FilmOptions, Image};
 use crate::scene::doubt::FrameDoubt;
 use crate::scene::fuse::Votes;
 use crate::scene::{LabelledCloud, LabelledMesh};
 use crate::session::{Command, Event, FoundThing, JobView, Project, Session, Suggestion};
-
-/// Ctrl+C was pressed; what was finished is kept.
-#[derive(Debug, Clone, Copy, thiserror::Error)]
-#[error("stopped; what was finished is kept")]
-pub(super) struct Interrupted;
 
 const NO_SURFACE: &str = "the project has no surface; make one with 'ostra fuse'";
 
@@ -156,7 +151,7 @@ fn report(events: Vec<Event>) -> Result<()> {
             Event::Paused { text, .. } if outcome.is_ok() => outcome = Err(anyhow!(text)),
             Event::Notice(text) => say(&format!("{text}\n")),
             Event::Failed { error, .. } if outcome.is_ok() => outcome = Err(anyhow!(error)),
-            Event::Stopped { .. } if outcome.is_ok() => outcome = Err(Interrupted.into()),
+            Event::Stopped { .. } if outcome.is_ok() => outcome = Err(stop::Interrupted.into()),
             _ => {}
         }
     }
@@ -175,7 +170,7 @@ impl ProgressLines {
         if let Some(job) = jobs.first() {
             self.show(job);
         }
-        if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if stop::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     /// Clears the line.
@@ -206,19 +201,4 @@ impl ProgressLines {
             self.shown = Some((text, Instant::now()));
         }
     }
-}
-
-/// Whether Ctrl+C was pressed since the program began to watch for it; a second press ends the program at once.
-fn interrupted() -> bool {
-    static PRESSED: AtomicBool = AtomicBool::new(false);
-    static WATCHING: OnceLock<bool> = OnceLock::new();
-    WATCHING.get_or_init(|| {
-        ctrlc::set_handler(|| {
-            if PRESSED.swap(true, Ordering::Relaxed) {
-                std::process::exit(130);
-            }
-        })
-        .is_ok()
-    });
-    PRESSED.load(Ordering::Relaxed)
 }

@@ -1,7 +1,7 @@
 use anyhow::{Result, bail, ensure};
 use serde::Serialize;
 
-use super::drive::{Interrupted, ProgressLines};
+use super::drive::ProgressLines;
 use super::eval_args::{Align, EvalArgs, EvalVerb, InteractArgs};
 use super::print::{say, say_json, warn};
 use crate::geometry::Alignment;
@@ -77,15 +77,11 @@ fn cameras(args: &EvalArgs) -> Result<()> {
 fn interact(args: InteractArgs) -> Result<()> {
     let InteractArgs { frames, truth, tracker, segmenter, jitter, seed, json } = args;
     let options = InteractOptions { jitter_px: jitter, seed, ..InteractOptions::default() };
-    let (mut lines, mut stopped) = (ProgressLines::default(), false);
+    let mut lines = ProgressLines::default();
     let request = InteractRequest { frames, truth, tracker, segmenter, options };
-    let outcome = evaluate_interaction(&request, &mut |jobs| {
-        let flow = lines.glance(jobs);
-        stopped |= flow.is_break();
-        flow
-    });
+    let outcome = evaluate_interaction(&request, &mut |jobs| lines.glance(jobs));
     lines.end();
-    let (report, warnings) = outcome.map_err(|error| if stopped { Interrupted.into() } else { error })?;
+    let (report, warnings) = outcome?;
     warn_all(&warnings);
     print(json, &report, &interact_table(&report))
 }

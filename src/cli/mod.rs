@@ -1,6 +1,7 @@
 //! The command line: words → `Command`s, a Session driven to rest, progress lines, exit codes.
 //!
-//! May use: session, view, nouns of the lower rooms; `app` only to start the window.
+//! May use: session, view, nouns of the lower rooms, `engine::job` and `engine::disk` only to end; `app` only to start the
+//! window.
 //! Must not touch: anything that the window cannot do.
 
 #![expect(clippy::print_stderr, reason = "this room speaks to the user")]
@@ -23,6 +24,7 @@ mod range;
 mod run;
 mod shot;
 mod sources;
+mod stop;
 mod values;
 
 pub use run::main;

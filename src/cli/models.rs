@@ -4,6 +4,7 @@ use anyhow::Result;
 
 use super::args::ModelsVerb;
 use super::print::say;
+use super::stop;
 use crate::session::{Added, CheckedFile, Fetched, Proof, Row, add_model, check_model, install_model, list_models};
 
 pub(super) fn models(verb: &ModelsVerb) -> Result<()> {
@@ -33,7 +34,7 @@ fn progress() -> impl FnMut(Fetched<'_>) -> bool {
             eprintln!("{}{}", now.what, there.unwrap_or_default());
             last = (now.what.to_owned(), now.bytes);
         }
-        true
+        !stop::is_requested()
     }
 }
 

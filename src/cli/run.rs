@@ -5,9 +5,9 @@ use anyhow::{Context, Result, bail};
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
 
 use super::args::{Cli, Verb};
-use super::drive::{Driver, Interrupted};
+use super::drive::Driver;
 use super::print::{finish, one_line, say};
-use super::{demo, doubt, eval, export, info, instances, masks, models, project, range, shot, sources};
+use super::{demo, doubt, eval, export, info, instances, masks, models, project, range, shot, sources, stop};
 use crate::session::{Command, Provider, Recipe};
 
 /// The program: reads the words, does the job, gives the exit code (0 done, 1 failed, 2 usage, 130 stopped).
@@ -22,9 +22,14 @@ pub fn main() -> ExitCode {
         outcome.and_then(|()| finish().context("standard output cannot be written; check the disk's free space"));
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
+        // A command that Ctrl+C ended may report what it met on the way, such as a helper program that ended too.
+        Err(_) if stop::is_requested() => {
+            eprintln!("ostra: {}", stop::Interrupted);
+            ExitCode::from(stop::EXIT_CODE)
+        }
         Err(error) => {
             eprintln!("ostra: {}", one_line(&format!("{error:#}")));
-            ExitCode::from(if error.is::<Interrupted>() { 130 } else { 1 })
+            ExitCode::FAILURE
         }
     }
 }
@@ -32,6 +37,7 @@ pub fn main() -> ExitCode {
 fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
     Provider::from(cli.provider).choose();
     let Some(verb) = cli.verb else { return crate::app::run(cli.path) };
+    stop::watch();
     match verb {
         Verb::Demo(args) => demo::demo(&args),
         Verb::New(args) => {

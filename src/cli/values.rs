@@ -80,6 +80,11 @@ pub(super) fn from_zero(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Seconds that a video may last: above 0, up to an hour.
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
+    positive(text).ok().filter(|&value| value <= 3600.0).ok_or_else(|| "seconds above 0, up to 3600, are needed".into())
+}
+
 /// A share from 0 to 1.
 pub(super) fn share(text: &str) -> Result<f32, String> {
     match f32::from_str(text) {
@@ -143,6 +148,7 @@ mod tests {
         assert_eq!(sighting("12,3.5,4").unwrap(), (12, DVec2::new(3.5, 4.0)));
         assert!(sighting("3.5,4").is_err() && sighting("1,2").is_err());
         assert!(frame_pair("3").is_err() && frame_pair("3,3").is_err() && frame_pair("3,-1").is_err());
+        assert!(seconds("8").is_ok() && seconds("1e300").is_err() && seconds("0").is_err());
         assert!(from_zero("0").is_ok() && from_zero("-1").is_err() && from_zero("inf").is_err());
         assert!(
             intrinsics("0,1,2,3").is_err()

@@ -8,6 +8,7 @@ impl Session {
     /// # Errors
     /// When it cannot be done; nothing has changed then.
     pub fn act(&mut self, command: Command) -> Result<Option<JobId>> {
+        command.check_numbers(self.project().map(AsRef::as_ref))?;
         let begun = self.begin(&command)?;
         self.interactions += usize::from(command.is_interaction());
         match begun.and_then(|id| self.jobs.get_mut(id)) {

@@ -30,6 +30,7 @@ mod history;
 mod hover;
 mod instances_request;
 mod jobs;
+mod limits;
 mod marks;
 mod mask_requests;
 mod measuring;

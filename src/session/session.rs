@@ -218,6 +218,10 @@ impl Session {
         while self.jobs.iter().next().is_some() {
             if on_progress(&self.jobs()).is_break() {
                 self.stop_all();
+                // Before the job notices the stop: whoever waits for it may not wait that long.
+                if let Err(error) = self.save_tracked(true) {
+                    self.events.push(Event::Warning(format!("{error:#}")));
+                }
             }
             if let Some((job, landing)) = self.jobs.wait(GLANCE) {
                 self.take_piece(job, landing);

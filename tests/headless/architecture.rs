@@ -20,7 +20,21 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("session", &["scene", "masks", "frames", "geometry", "engine::disk", "engine::job", "engine::nn", "engine::gpu"]),
     ("view", &["scene", "masks", "frames", "geometry", "engine::disk", "engine::gpu"]),
     ("app", &["engine::disk", "session", "view", "scene", "masks", "frames", "geometry"]),
-    ("cli", &["engine::disk", "app", "session", "view", "scene", "masks", "frames", "geometry"]),
+    (
+        "cli",
+        &[
+            "engine::disk",
+            "engine::job",
+            "engine::programs",
+            "app",
+            "session",
+            "view",
+            "scene",
+            "masks",
+            "frames",
+            "geometry",
+        ],
+    ),
 ];
 
 /// Word → rooms that may say it.

@@ -1,1 +1,227 @@
 //! Every job stops at once, keeps what it finished, and uses a bounded share of memory.
+
+use std::io::Read;
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::Duration;
+
+use ostra::engine::disk::is_temporary;
+use ostra::engine::job::Progress;
+use ostra::scene::ply::read_ply;
+use serde_json::{Value, json};
+
+use super::command_line::{Recording, contents, done, refused};
+
+/// A project with masks, a cloud and a surface.
+fn fused(recording: &Recording) -> String {
+    let project = recording.project();
+    done(&["label", &project, "thing", "--color", "#d02818"]);
+    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&["track", &project, "--tracker", "geometry"]);
+    done(&["fuse", &project, "--voxel", "0.004"]);
+    project
+}
+
+fn start(args: &[&str], folder: &Path) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(args)
+        .current_dir(folder)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+#[cfg(unix)]
+fn interrupt(child: &Child) {
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+}
+
+#[expect(clippy::disallowed_methods, reason = "a moment in the middle of another process's work")]
+fn pause(milliseconds: u64) {
+    std::thread::sleep(Duration::from_millis(milliseconds));
+}
+
+/// Whether a process that was interrupted ended as it must: by itself before, or with 130. A signal that comes before the program
+/// watches for it ends it as a shell reports it, with 130 too.
+#[cfg(unix)]
+fn is_stopped_or_done(status: ExitStatus) -> bool {
+    use std::os::unix::process::ExitStatusExt;
+    matches!(status.code(), Some(0 | 130)) || status.signal() == Some(2)
+}
+
+fn temporary_files(folder: &Path) -> Vec<String> {
+    let all = contents(folder).into_iter().map(|(path, _)| path);
+    all.filter(|path| path.file_name().is_some_and(is_temporary)).map(|path| path.display().to_string()).collect()
+}
+
+#[cfg(unix)]
+#[test]
+fn every_command_ends_at_an_interrupt_and_leaves_whole_files_only() {
+    let recording = Recording::new();
+    let project = fused(&recording);
+    let (cloud, masks) = (recording.path("truth.ply"), recording.path("truth-masks"));
+    done(&["export", &project, "--cloud", &cloud, "--masks", &masks]);
+    let scratch = recording.path("scratch");
+    std::fs::create_dir(&scratch).unwrap();
+    let commands: [&[&str]; 13] = [
+        &["shot", &project, "a.png", "--size", "8192x8192"],
+        &["shot", &project, "b.png", "--model", "voxels", "--size", "4096x4096"],
+        &["shot", &project, "c.png", "--model", "mesh", "--size", "4096x4096"],
+        &["export", &project, "--voxels", "v.npz", "--solid"],
+        &["export", &project, "--cloud", "d.ply", "--mesh", "d.glb", "--depths", "depths", "--undistorted", "flat"],
+        &["export", &project, "--traits", "t.csv"],
+        &["eval", "cloud", "--truth", &cloud, "--result", &cloud, "--within", "0.01"],
+        &["eval", "masks", "--truth", &masks, "--result", &masks],
+        &["masks", &project, "import", &masks],
+        &["fuse", &project, "--voxel", "0.003"],
+        &["doubt", &project],
+        &["info", &project],
+        &["demo", "demo", "--headless", "--frames", "6", "--size", "96x128"],
+    ];
+    for command in commands {
+        for moment in [0, 60, 250] {
+            let mut child = start(command, Path::new(&scratch));
+            pause(moment);
+            interrupt(&child);
+            let mut text = String::new();
+            child.stderr.take().unwrap().read_to_string(&mut text).unwrap();
+            let status = child.wait().unwrap();
+            assert!(is_stopped_or_done(status), "{command:?} after {moment} ms: {status:?} {text}");
+            if status.code() == Some(130) {
+                assert!(text.contains("ostra: stopped"), "{command:?}: {text}");
+            }
+            done(&["info", &project]);
+        }
+    }
+    done(&["export", &project, "--cloud", &recording.path("after.ply")]);
+    assert_eq!(temporary_files(Path::new(&recording.path(""))), [] as [String; 0]);
+}
+
+/// A project of a stranger can name a pipe that nobody writes to.
+#[cfg(unix)]
+#[test]
+fn waiting_for_a_pipe_ends_at_an_interrupt() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    let pipe = recording.path("color/1.png");
+    std::fs::remove_file(&pipe).unwrap();
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let args = ["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"];
+    let mut child = start(&args, Path::new(&recording.path("")));
+    pause(400);
+    interrupt(&child);
+    let status = child.wait().unwrap();
+    // It is also right to refuse the pipe before.
+    assert!(status.code() == Some(1) || is_stopped_or_done(status), "{status:?}");
+    std::fs::remove_file(&pipe).unwrap();
+    done(&["info", &project]);
+}
+
+/// A helper program that goes on by itself: the process that started it must not leave it behind.
+#[cfg(unix)]
+#[test]
+fn helper_programs_end_with_the_command() {
+    use std::os::unix::fs::PermissionsExt;
+    let recording = Recording::new();
+    let project = fused(&recording);
+    let (programs, id) = (recording.path("programs"), recording.path("id"));
+    std::fs::create_dir(&programs).unwrap();
+    let ffmpeg = format!("{programs}/ffmpeg");
+    std::fs::write(&ffmpeg, format!("#!/bin/sh\necho $$ > '{id}.new'; mv '{id}.new' '{id}'\nexec sleep 600\n"))
+        .unwrap();
+    std::fs::set_permissions(&ffmpeg, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let path = format!("{programs}:{}", std::env::var("PATH").unwrap_or_default());
+    let size = ["--size", "640x480", "--seconds", "60"];
+    let mut child = Command::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(["shot", &project, &recording.path("s.png"), "--turntable", &recording.path("t.mp4")])
+        .args(size)
+        .env("PATH", path)
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    while !Path::new(&id).exists() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it made a video");
+        pause(10);
+    }
+    interrupt(&child);
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let id = std::fs::read_to_string(&id).unwrap();
+    let state = Command::new("ps").args(["-o", "stat=", "-p", id.trim()]).output().unwrap();
+    let state = String::from_utf8_lossy(&state.stdout).trim().to_owned();
+    assert!(state.is_empty() || state.starts_with('Z'), "ffmpeg is still there: {state}");
+    let left = contents(Path::new(&recording.path(""))).into_iter().filter(|(path, _)| path.ends_with("t.part.mp4"));
+    assert_eq!(left.count(), 0);
+}
+
+fn recipe(recording: &Recording, project: &str, command: &Value) -> String {
+    let path = recording.path("recipe.json");
+    let recipe = json!({ "format": 1, "commands": [{ "open": project }, command] });
+    std::fs::write(&path, recipe.to_string()).unwrap();
+    path
+}
+
+/// Strokes of a recipe far outside the frame once filled the memory.
+#[test]
+fn recipes_with_numbers_out_of_range_are_refused() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    let mut commands = Vec::new();
+    for far in [4_294_967_296.0, 1e13, -1e300] {
+        let points = json!([[5.0, far], [30.0, 40.0]]);
+        for (radius, snap) in [(4.0, true), (4.0, false), (0.0, false)] {
+            commands.push(json!({ "paint": { "frame": 1, "label": 1, "points_px": points, "radius_px": radius,
+                "erase": false, "replace": true, "snap": snap } }));
+        }
+        commands.push(json!({ "trace": { "frame": 1, "label": 1, "points_px": points } }));
+        commands.push(json!({ "pull": { "frame": 1, "label": 1, "from_px": [1.0, 1.0], "to_px": [1.0, far],
+            "replace": true } }));
+        let prompt = json!({ "clicks": [{ "at_px": [far, 3.0], "include": true }] });
+        commands.push(json!({ "prompt": { "frame": 1, "label": 1, "prompt": prompt, "segmenter": "builtin" } }));
+    }
+    let count = commands.len();
+    for command in commands {
+        let said = refused(&["run", &recipe(&recording, &project, &command)]);
+        assert!(said.contains("too far outside frame 1 (64x48)"), "{command}: {said}");
+    }
+    assert_eq!(count, 18);
+    let stroke = |radius: f64| {
+        json!({ "paint": { "frame": 1, "label": 1, "points_px": [[5.0, 5.0]], "radius_px": radius, "erase": false,
+            "replace": true, "snap": true } })
+    };
+    for (command, range) in [
+        (stroke(1e13), "0 to 100000"),
+        (json!({ "fuse": { "voxel": -1.0 } }), "above 0"),
+        (json!({ "track": { "tracker": "geometry", "short_side": 4_000_000_000u32 } }), "64 to 4096"),
+        (
+            json!({ "paint": { "frame": 99, "label": 1, "points_px": [[5.0, 5.0]], "radius_px": 3.0, "erase": false,
+            "replace": true } }),
+            "99",
+        ),
+    ] {
+        let said = refused(&["run", &recipe(&recording, &project, &command)]);
+        assert!(said.contains(range), "{command}: {said}");
+    }
+    // A stroke may leave the image.
+    let command = json!({ "paint": { "frame": 1, "label": 1, "points_px": [[5.0, 900.0], [30.0, 40.0]],
+        "radius_px": 4.0, "erase": false, "replace": true, "snap": true } });
+    done(&["run", &recipe(&recording, &project, &command)]);
+}
+
+#[test]
+fn fusion_reports_the_voxel_size_that_it_chose() {
+    let recording = Recording::new();
+    let project = recording.project();
+    let said = done(&["fuse", &project]);
+    // The wall is 2 m away and the focal length 60 px; all four frames see nearly the same.
+    assert!(said.contains("voxel 0.033 (chosen: a pixel covers 0.033"), "{said}");
+    assert!(said.contains("a place is seen by 4 frames") && said.contains("surface voxel 0.033"), "{said}");
+    let cloud = recording.path("cloud.ply");
+    done(&["export", &project, "--cloud", &cloud]);
+    let points = read_ply(Path::new(&cloud), &Progress::default()).unwrap().cloud.len();
+    assert!(said.contains(&format!("fused {points} points")), "{said}");
+    let given = done(&["fuse", &project, "--voxel", "0.05"]);
+    assert!(given.contains("voxel 0.05") && !given.contains("chosen"), "{given}");
+}

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use tempfile::{Builder, NamedTempFile, TempDir};
 
 use super::leftovers::{LOCK, PREFIX, SUFFIX};
+use super::unfinished::Unfinished;
 
 /// A file that takes the place of another when it is complete.
 ///
@@ -17,6 +18,7 @@ use super::leftovers::{LOCK, PREFIX, SUFFIX};
 pub struct AtomicFile {
     file: NamedTempFile,
     target: PathBuf,
+    _listed: Unfinished,
 }
 
 impl AtomicFile {
@@ -29,10 +31,11 @@ impl AtomicFile {
         if fs::metadata(target).is_ok_and(|found| !found.is_file()) {
             return Err(Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
         }
-        let file = builder(&prefix_for(target)?).tempfile_in(folder_of(target))?;
+        let prefix = prefix_for(target)?;
+        let (file, listed) = Unfinished::create(|| builder(&prefix).tempfile_in(folder_of(target)))?;
         // Some network file systems have no locks; there a leftover is only recognised by its name.
         let _ = file.as_file().try_lock();
-        Ok(Self { file, target: target.to_owned() })
+        Ok(Self { file, target: target.to_owned(), _listed: listed })
     }
 
     /// The file under its temporary name.

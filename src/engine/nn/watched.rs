@@ -3,7 +3,7 @@ use std::process::{ChildStderr, Command, Stdio};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-use crate::engine::programs::spawn;
+use crate::engine::programs::ChildProcess;
 
 /// How often it is asked whether to go on.
 const ASKED_EVERY: Duration = Duration::from_millis(100);
@@ -24,9 +24,9 @@ impl Ended {
 
 /// Runs a program of the system to its end, or, with `None`, until `goes_on` says no.
 pub(super) fn watched(command: &mut Command, goes_on: &mut dyn FnMut() -> bool) -> std::io::Result<Option<Ended>> {
-    let mut program = spawn(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()))?;
+    let program = ChildProcess::spawn(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()))?;
     let (ended, waited) = channel();
-    let stderr = program.stderr.take();
+    let stderr = program.take_stderr();
     // Ends with the program, which then closes what it writes to.
     std::thread::spawn(move || ended.send(last_line(stderr)));
     let said = loop {

@@ -2,10 +2,14 @@
 //!
 //! May use: std. Must not touch: what the programs do.
 
+mod child;
+
 use std::ffi::OsStr;
 use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command};
+use std::process::Command;
+
+pub use child::{ChildProcess, kill_children};
 
 /// The absolute path of the program `name` (without `.exe`) in the folders of `PATH`.
 ///
@@ -41,18 +45,6 @@ pub fn command(name: &str) -> std::io::Result<Command> {
     find(name).map(Command::new).ok_or_else(missing)
 }
 
-/// Starts a command.
-///
-/// # Errors
-/// As [`Command::spawn`]; [`ErrorKind::NotFound`] where its program is not an absolute path, which the system would look
-/// for in the current folder too.
-pub fn spawn(command: &mut Command) -> std::io::Result<Child> {
-    if !Path::new(command.get_program()).is_absolute() {
-        return Err(Error::new(ErrorKind::NotFound, "not found in the folders of the PATH"));
-    }
-    command.spawn()
-}
-
 #[cfg(test)]
 #[cfg(unix)]
 mod tests {
@@ -75,7 +67,7 @@ mod tests {
         let here = std::env::current_dir().unwrap();
         let entry = here.read_dir().unwrap().flatten().next().unwrap().file_name();
         assert_eq!(find_in(&path(":.:"), entry.to_str().unwrap()), None);
-        assert!(spawn(&mut Command::new("sh")).is_err(), "a bare name is not started");
+        assert!(ChildProcess::spawn(&mut Command::new("sh")).is_err(), "a bare name is not started");
         assert!(command("no-program-of-this-name").is_err());
     }
 }

@@ -1,12 +1,12 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Child, ChildStdout, Stdio};
+use std::process::{ChildStdout, Stdio};
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
 use std::thread::{Builder, JoinHandle};
 
 use super::log::{FrameInfo, read_log};
 use super::programs::{Programs, command, input, not_started};
-use crate::engine::programs::spawn;
+use crate::engine::programs::ChildProcess;
 use crate::frames::header::MAX_PIXELS;
 use crate::frames::{FrameError, Image};
 
@@ -33,7 +33,7 @@ pub(super) struct Decoded {
 /// A running ffmpeg that hands out the frames of a video in order, some of them decoded ahead.
 #[derive(Debug)]
 pub(super) struct Decoder {
-    child: Child,
+    child: ChildProcess,
     /// `None` only while dropped.
     images: Option<Receiver<Result<Image, String>>>,
     infos: Receiver<FrameInfo>,
@@ -46,10 +46,10 @@ impl Decoder {
     pub fn start(programs: &Programs, path: &Path, start: Start) -> Result<Self, FrameError> {
         let mut command = decoding(programs, path, start)?;
         command.args(["-pix_fmt", "rgb24", "-c:v", "ppm", "-f", "image2pipe", "pipe:1"]);
-        let mut child = spawn(&mut command).map_err(|error| not_started(path, &programs.ffmpeg, &error))?;
+        let child = ChildProcess::spawn(&mut command).map_err(|error| not_started(path, &programs.ffmpeg, &error))?;
         let (sender, images) = sync_channel(start.ahead.max(1));
         let (info_sender, infos) = channel();
-        let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
+        let (stdout, stderr) = (child.take_stdout(), child.take_stderr());
         let log = Builder::new().name("video log".into());
         let log = log.spawn(move || stderr.and_then(|stderr| read_log(stderr, &info_sender)));
         let reader = Builder::new().name("video".into()).spawn(move || {

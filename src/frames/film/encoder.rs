@@ -1,12 +1,12 @@
 use std::ffi::OsString;
 use std::io::{Read, Write};
 use std::path::Path;
-use std::process::{Child, Stdio};
+use std::process::Stdio;
 
 use super::programs::{Programs, command};
-use crate::engine::disk::WorkFolder;
+use crate::engine::disk::{Unfinished, WorkFolder};
 use crate::engine::job::Progress;
-use crate::engine::programs::spawn;
+use crate::engine::programs::ChildProcess;
 use crate::frames::{FrameError, Image};
 
 /// What a film is made of.
@@ -34,6 +34,7 @@ pub fn write_film(
     // A folder of its own keeps the ending, by which ffmpeg knows what to write.
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let work = WorkFolder::create(folder).map_err(|error| invalid(path, &error))?;
+    let _listed = Unfinished::list(work.path());
     let part = work.path().join(path.file_name().unwrap_or_default());
     encode(path, &part, options, draw, progress)?;
     std::fs::rename(&part, path).map_err(|error| invalid(path, &error))
@@ -46,8 +47,8 @@ fn encode(
     draw: impl Fn(usize) -> Image,
     progress: &Progress,
 ) -> Result<(), FrameError> {
-    let mut ffmpeg = Encoder(start(path, part, options)?);
-    let input = ffmpeg.0.stdin.take();
+    let ffmpeg = Encoder(start(path, part, options)?);
+    let input = ffmpeg.0.take_stdin();
     for number in 0..options.count {
         progress.step(number, options.count)?;
         let picture = draw(number);
@@ -60,7 +61,7 @@ fn encode(
     ffmpeg.finish(path)
 }
 
-fn start(path: &Path, part: &Path, options: &FilmOptions) -> Result<Child, FrameError> {
+fn start(path: &Path, part: &Path, options: &FilmOptions) -> Result<ChildProcess, FrameError> {
     let programs = Programs::default();
     let size = format!("{}x{}", options.size.0, options.size.1);
     let mut command = command(&programs.ffmpeg, ["-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]);
@@ -70,7 +71,7 @@ fn start(path: &Path, part: &Path, options: &FilmOptions) -> Result<Child, Frame
     output.push(std::path::absolute(part).map_err(io)?);
     // Most players want even sides and half the colour.
     command.args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]).arg(output);
-    spawn(command.stdin(Stdio::piped()).stdout(Stdio::null())).map_err(|error| FrameError::Invalid {
+    ChildProcess::spawn(command.stdin(Stdio::piped()).stdout(Stdio::null())).map_err(|error| FrameError::Invalid {
         path: path.into(),
         what: format!(
             "films are made with ffmpeg, and {} cannot be started ({error}); install ffmpeg so that it is found by the PATH \
@@ -81,25 +82,18 @@ fn start(path: &Path, part: &Path, options: &FilmOptions) -> Result<Child, Frame
 }
 
 /// A running ffmpeg, ended when dropped.
-struct Encoder(Child);
+struct Encoder(ChildProcess);
 
 impl Encoder {
-    fn finish(mut self, path: &Path) -> Result<(), FrameError> {
+    fn finish(self, path: &Path) -> Result<(), FrameError> {
         let mut said = String::new();
-        if let Some(mut errors) = self.0.stderr.take() {
+        if let Some(mut errors) = self.0.take_stderr() {
             let _ = errors.read_to_string(&mut said);
         }
         match self.0.wait() {
             Ok(status) if status.success() => Ok(()),
             _ => Err(invalid(path, &said.lines().last().unwrap_or("ffmpeg ended early"))),
         }
-    }
-}
-
-impl Drop for Encoder {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
     }
 }
 

@@ -7,7 +7,7 @@ use super::decoder::{Decoder, Start, decoding};
 use super::log::read_log;
 use super::programs::{Programs, command, explained, input, not_started};
 use crate::engine::job::Progress;
-use crate::engine::programs::spawn;
+use crate::engine::programs::ChildProcess;
 use crate::frames::FrameError;
 
 /// What opening a film finds out.
@@ -139,9 +139,9 @@ fn scan(
     let start = Start { seek_s: None, ahead: 1, checksums: false, single_thread };
     let mut command = decoding(programs, path, start)?;
     command.args(["-f", "null", "-"]).stdout(Stdio::null());
-    let mut child = spawn(&mut command).map_err(|error| not_started(path, &programs.ffmpeg, &error))?;
+    let child = ChildProcess::spawn(&mut command).map_err(|error| not_started(path, &programs.ffmpeg, &error))?;
     let (sender, infos) = channel();
-    let stderr = child.stderr.take();
+    let stderr = child.take_stderr();
     let log = std::thread::spawn(move || stderr.and_then(|stderr| read_log(stderr, &sender)));
     let (mut times_s, mut damage) = (Vec::new(), None);
     for info in infos {
@@ -222,9 +222,9 @@ fn ffprobe(
         ["-hide_banner", "-v", "error", "-select_streams", "V:0", "-show_entries", entries, "-of", "compact"];
     let mut command = command(&programs.ffprobe, arguments);
     command.args(input(path)?);
-    let mut child = spawn(&mut command).map_err(|error| not_started(path, &programs.ffprobe, &error))?;
-    let complaint = child.stderr.take().map(|stderr| std::thread::spawn(move || first_line(stderr)));
-    let stdout = child.stdout.take();
+    let child = ChildProcess::spawn(&mut command).map_err(|error| not_started(path, &programs.ffprobe, &error))?;
+    let complaint = child.take_stderr().map(|stderr| std::thread::spawn(move || first_line(stderr)));
+    let stdout = child.take_stdout();
     let read = stdout.map_or(Ok(()), |stdout| {
         for line in BufReader::new(stdout).lines() {
             progress.check()?;

@@ -1,11 +1,12 @@
 use std::ffi::{OsStr, OsString};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 use ffmpeg_sidecar::command::FfmpegCommand;
 
-use crate::engine::programs::{find, spawn};
+use crate::engine::programs::{ChildProcess, find};
 use crate::frames::FrameError;
 
 /// Containers that hold their own data. Those that refer to other files or addresses (playlists such as HLS and DASH,
@@ -37,9 +38,12 @@ impl Programs {
     /// The options that pass every picture on once, without doubling or dropping any to keep a rate.
     pub fn every_picture_once(&self) -> [&'static str; 2] {
         *self.every_picture_once.get_or_init(|| {
-            let output =
-                spawn(&mut command(&self.ffmpeg, ["-version"])).and_then(std::process::Child::wait_with_output);
-            let text = output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned()).unwrap_or_default();
+            let mut text = String::new();
+            if let Ok(child) = ChildProcess::spawn(command(&self.ffmpeg, ["-version"]).stderr(Stdio::null()))
+                && let Some(mut stdout) = child.take_stdout()
+            {
+                let _ = stdout.read_to_string(&mut text);
+            }
             if is_before_5_1(&text) { ["-vsync", "passthrough"] } else { ["-fps_mode", "passthrough"] }
         })
     }
@@ -52,7 +56,7 @@ pub(super) fn command(program: &Path, arguments: impl IntoIterator<Item = impl A
     command
 }
 
-/// The program next to this one, else that of the `PATH`; the bare name, which [`spawn`] refuses, where there is none.
+/// The program next to this one, else that of the `PATH`; the bare name, which [`ChildProcess::spawn`] refuses, where there is none.
 fn located(name: &str) -> PathBuf {
     let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
     let own = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.join(file)));

@@ -21,6 +21,9 @@ const DIFFERENCE_IN_STEPS: f32 = 3.0;
 /// Weight of smoothness against likeness: what a border of one pixel's length costs where there is no edge.
 const BORDER_COST: f32 = 1.5;
 
+/// Steps along a stroke within which a place can be the nearest to a pixel: the brush reaches two of them.
+const NEAR_STEPS: f64 = 4.0;
+
 /// Units of the cut per unit of cost.
 const UNITS: f32 = 1000.0;
 
@@ -124,7 +127,8 @@ impl Looks {
     /// Colours of the core on a grid around places along the stroke.
     fn new(image: &Image, points_px: &[DVec2], core_px: f64) -> Self {
         let place = |at: DVec2| (at, colors_around(image, at, core_px));
-        Self { places: places_along(points_px, core_px.max(1.0)).into_iter().map(place).collect() }
+        let size = DVec2::new(f64::from(image.width), f64::from(image.height));
+        Self { places: places_along(points_px, core_px.max(1.0), size).into_iter().map(place).collect() }
     }
 
     /// How much a colour differs from the likest one of the core at the place nearest to a position.
@@ -136,15 +140,37 @@ impl Looks {
     }
 }
 
-/// Points along a polyline, at most `step_px` apart.
-fn places_along(points_px: &[DVec2], step_px: f64) -> Vec<DVec2> {
+/// Points along a polyline, at most `step_px` apart: the first, and those near a picture of `size`. A stroke may go on far
+/// outside, where no pixel is nearest to it.
+fn places_along(points_px: &[DVec2], step_px: f64, size: DVec2) -> Vec<DVec2> {
     let mut places = vec![points_px[0]];
     for ends in points_px.windows(2) {
-        let count = (ends[0].distance(ends[1]) / step_px).ceil().max(1.0) as usize;
-        places.extend((1..=count).map(|k| ends[0].lerp(ends[1], k as f64 / count as f64)));
+        let Some([enters, leaves]) = shares_inside(ends[0], ends[1], size, NEAR_STEPS * step_px) else { continue };
+        let count = (ends[0].distance(ends[1]) / step_px).ceil().max(1.0);
+        let (first, last) = ((enters * count).floor().max(1.0), (leaves * count).ceil().min(count));
+        places.extend((first as u64..=last as u64).map(|k| ends[0].lerp(ends[1], k as f64 / count)));
     }
     places.dedup_by(|next, kept| next.distance(*kept) < step_px / 2.0);
     places
+}
+
+/// Shares of the way from `a` to `b` at which it enters and leaves the rectangle from 0 to `size` widened by `margin`; `None`
+/// where it passes by.
+fn shares_inside(a: DVec2, b: DVec2, size: DVec2, margin: f64) -> Option<[f64; 2]> {
+    let (mut enters, mut leaves) = (0.0f64, 1.0f64);
+    for axis in 0..2 {
+        let (from, way) = (a[axis], b[axis] - a[axis]);
+        let (low, high) = (-margin - from, size[axis] + margin - from);
+        if way == 0.0 {
+            if low > 0.0 || high < 0.0 {
+                return None;
+            }
+            continue;
+        }
+        let (first, second) = (low / way, high / way);
+        (enters, leaves) = (enters.max(first.min(second)), leaves.min(first.max(second)));
+    }
+    (enters <= leaves).then_some([enters, leaves])
 }
 
 /// Colours on a grid of 5 × 5 within a disk, without those beyond the picture; at least the nearest pixel's.
@@ -244,5 +270,16 @@ mod tests {
         let snapped = snapped_stroke(&image, &UPRIGHT, 16.0).unwrap();
         let behind = (0..80).flat_map(|y| (62..120).map(move |x| (x, y))).filter(|&(x, y)| snapped.at(x, y)).count();
         assert_eq!(behind, 0);
+    }
+
+    #[test]
+    fn strokes_that_go_far_outside_cost_no_more_than_their_part_inside() {
+        let image = halves([90, 120, 60], [170, 160, 150], 4);
+        let far = [DVec2::new(52.0, -1e13), DVec2::new(52.0, 1e13), DVec2::new(4e9, 1e13)];
+        let through = [DVec2::new(52.0, -100.0), DVec2::new(52.0, 200.0)];
+        let areas = [&far[..], &through].map(|points| snapped_stroke(&image, points, 6.0).unwrap().area());
+        assert!(areas[0] > 0 && areas[0].abs_diff(areas[1]) * 50 <= areas[1], "{areas:?}");
+        assert_eq!(snapped_stroke(&image, &[DVec2::new(500.0, -1e13), DVec2::splat(1e13)], 6.0).unwrap().area(), 0);
+        assert!(places_along(&far, 3.0, DVec2::new(120.0, 80.0)).len() < 100);
     }
 }

@@ -2,6 +2,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
+use super::layers::merge_layers;
 use super::lift::{Lift, LiftCount};
 use crate::engine::job::{Progress, Stopped};
 use crate::scene::morton;
@@ -11,13 +12,16 @@ const SHARDS: usize = 32;
 /// Rows of a picture that one task lifts.
 const BLOCK_ROWS: u32 = 16;
 /// Steps into which a voxel's edge is cut for summing positions.
-const FRACTION: f32 = 4096.0;
+pub(super) const FRACTION: f32 = 4096.0;
 /// Steps of a normal's component.
 const NORMAL_STEPS: f32 = 1024.0;
-/// Samples that a voxel takes; their sums stay within 32 bits.
-const MAX_SAMPLES: u32 = 1 << 20;
+/// Samples that a voxel takes, enough for a mean that another does not move. The sums stay within 32 bits, with those of the six
+/// neighbours that may give theirs to it.
+const MAX_SAMPLES: u32 = 1 << 15;
 /// Voxels from the origin in each direction that the grid reaches.
 const REACH: i32 = 1 << 20;
+/// Where the indices along x, y and z begin in a key.
+pub(super) const AXIS_SHIFTS: [u32; 3] = [42, 21, 0];
 
 /// A hashed voxel grid that averages what falls into each voxel. All sums are integers, so the result does not depend on
 /// the order in which threads add to it.
@@ -53,13 +57,13 @@ pub(super) struct Sample {
 
 /// Sums over the samples of one voxel.
 #[derive(Debug, Clone, Copy, Default)]
-struct Voxel {
-    fraction: [u32; 3],
-    color: [u32; 3],
-    normal: [i32; 3],
-    samples: u32,
-    views: u32,
-    last_frame: u32,
+pub(super) struct Voxel {
+    pub(super) fraction: [i32; 3],
+    pub(super) color: [u32; 3],
+    pub(super) normal: [i32; 3],
+    pub(super) samples: u32,
+    pub(super) views: u32,
+    pub(super) last_frame: u32,
 }
 
 /// The points of a grid, in Morton order of their voxels so that neighbours in the list are neighbours in space.
@@ -70,6 +74,8 @@ pub(super) struct GridPoints {
     pub(super) colors: Vec<[u8; 3]>,
     /// Voxels left out because too few frames measured them.
     pub(super) few_views: usize,
+    /// Voxels that were another layer of a surface and became part of a neighbour.
+    pub(super) merged: usize,
 }
 
 impl Cell {
@@ -142,22 +148,30 @@ impl Grid {
         Ok(blocks.iter().fold(LiftCount::default(), sum))
     }
 
-    /// The mean of each voxel that at least `min_views` frames measured.
-    pub(super) fn into_points(self, min_views: u32) -> GridPoints {
+    /// Number of voxels that hold samples.
+    pub(super) fn voxels(&self) -> usize {
+        self.shards.iter().map(FxHashMap::len).sum()
+    }
+
+    /// The mean of each voxel that at least `min_views` frames measured, one for each place of a surface.
+    pub(super) fn into_points(mut self, min_views: u32, progress: &Progress) -> Result<GridPoints, Stopped> {
         let (origin, voxel) = self.frame();
-        let filled: usize = self.shards.iter().map(FxHashMap::len).sum();
+        self.blocks = Vec::new();
+        let merged = merge_layers(&mut self.shards, progress)?;
+        let filled = self.voxels();
         let mut kept: Vec<(u64, Voxel)> = Vec::with_capacity(filled);
         for shard in self.shards {
+            progress.check()?;
             kept.extend(shard.into_iter().filter(|(_, voxel)| voxel.views >= min_views));
         }
         kept.par_sort_unstable_by_key(|&(key, _)| morton([key >> 42, key >> 21, key]));
         let position = |&(key, sum): &(u64, Voxel)| {
             // Fractions were cut off to whole steps, on average by half a step.
-            let mean = |sum_of: u32| (f64::from(sum_of) / f64::from(sum.samples) + 0.5) / f64::from(FRACTION);
+            let mean = |sum_of: i32| (f64::from(sum_of) / f64::from(sum.samples) + 0.5) / f64::from(FRACTION);
             let fraction = DVec3::from_array(sum.fraction.map(mean));
             (origin + (cell_index(key) + fraction) * voxel).as_vec3()
         };
-        GridPoints {
+        Ok(GridPoints {
             positions: kept.par_iter().map(position).collect(),
             normals: kept.par_iter().map(|(_, sum)| sum.mean_normal()).collect(),
             colors: kept
@@ -165,7 +179,8 @@ impl Grid {
                 .map(|(_, sum)| sum.color.map(|c| ((c + sum.samples / 2) / sum.samples) as u8))
                 .collect(),
             few_views: filled - kept.len(),
-        }
+            merged,
+        })
     }
 }
 
@@ -178,7 +193,7 @@ fn add_samples(voxels: &mut FxHashMap<u64, Voxel>, samples: &[Sample], frame: u3
                 break;
             }
             for axis in 0..3 {
-                voxel.fraction[axis] += u32::from(sample.fraction[axis]);
+                voxel.fraction[axis] += i32::from(sample.fraction[axis]);
                 voxel.color[axis] += u32::from(sample.color[axis]);
                 voxel.normal[axis] += i32::from(sample.normal[axis]);
             }
@@ -190,12 +205,11 @@ fn add_samples(voxels: &mut FxHashMap<u64, Voxel>, samples: &[Sample], frame: u3
 }
 
 impl Voxel {
-    fn mean_normal(&self) -> Vec3 {
+    pub(super) fn mean_normal(&self) -> Vec3 {
         Vec3::from_array(self.normal.map(|n| n as f32)).normalize_or_zero()
     }
 }
 
 fn cell_index(key: u64) -> DVec3 {
-    let axis = |shift: u32| f64::from((key >> shift & 0x1F_FFFF) as i32 - REACH);
-    DVec3::new(axis(42), axis(21), axis(0))
+    DVec3::from_array(AXIS_SHIFTS.map(|shift| f64::from((key >> shift & 0x1F_FFFF) as i32 - REACH)))
 }

@@ -8,7 +8,9 @@
 //! which reads and writes through streams that it is given).
 
 mod ballots;
+mod coverage;
 mod grid;
+mod layers;
 mod lift;
 mod majority;
 mod onto;
@@ -30,11 +32,12 @@ mod votes;
 mod votes_file;
 mod voxel_size;
 
+pub use coverage::Coverage;
 pub use majority::{Majority, Verdict};
 pub use onto::{OntoOptions, vote_onto, vote_seen};
 pub use options::FuseOptions;
 pub use relabel::{ChangedMask, relabel, vote_again};
-pub use report::{Dropped, FuseReport};
+pub use report::{ChosenVoxel, Dropped, FuseReport};
 pub use run::{Fused, fuse};
 pub use seen::{SeenPoint, SeenPoints};
 pub use source::{ProjectViews, Views, readable};

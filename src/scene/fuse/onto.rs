@@ -97,5 +97,5 @@ pub fn vote_seen(
     };
     let voted = vote(&cloud.positions, seen, views, &vote_options, progress)?;
     (report.frames_fused, report.frames_voted) = (seen.len(), voted.frames);
-    Ok(finish(labelled(cloud, &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
+    Ok(finish(labelled(cloud.clone(), &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
 }

@@ -41,7 +41,7 @@ pub fn relabel(
 ) -> Result<(LabelledCloud, Votes), SceneError> {
     check(cloud, votes, changed)?;
     let votes = recounted(votes, changed, progress)?;
-    Ok((labelled(cloud, &votes, tree), votes))
+    Ok((labelled(cloud.clone(), &votes, tree), votes))
 }
 
 /// Lets every frame that sees the points vote with the mask that it has now, as [`relabel`] does: the result is the same as
@@ -80,7 +80,7 @@ pub fn vote_again(
     if !changed.is_empty() {
         votes = recounted(&votes, &changed, progress)?;
     }
-    Ok(finish(labelled(cloud, &votes, tree), votes, false, report))
+    Ok(finish(labelled(cloud.clone(), &votes, tree), votes, false, report))
 }
 
 impl FramePairs {
@@ -115,7 +115,7 @@ fn recounted(votes: &Votes, changed: &[ChangedMask], progress: &Progress) -> Res
 }
 
 /// The cloud with the labels and confidences that the votes give under `tree`.
-pub(super) fn labelled(cloud: &LabelledCloud, votes: &Votes, tree: &LabelTree) -> LabelledCloud {
+pub(super) fn labelled(cloud: LabelledCloud, votes: &Votes, tree: &LabelTree) -> LabelledCloud {
     let verdicts = votes.decide(&Majority::new(tree));
     let mut tree = tree.clone();
     name_unknown_labels(&mut tree, votes.ids());
@@ -123,7 +123,7 @@ pub(super) fn labelled(cloud: &LabelledCloud, votes: &Votes, tree: &LabelTree) -
         labels: verdicts.iter().map(|verdict| verdict.label).collect(),
         confidence: verdicts.iter().map(|verdict| verdict.confidence).collect(),
         tree,
-        ..cloud.clone()
+        ..cloud
     }
 }
 

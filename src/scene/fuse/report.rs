@@ -13,6 +13,9 @@ pub struct Dropped {
     pub far_pixels: usize,
     /// Points that too few frames measured.
     pub few_views: usize,
+    /// Voxels that were another layer of a surface and became part of a neighbour.
+    #[serde(default)]
+    pub layers: usize,
     /// Points that lie apart from all others.
     pub outliers: usize,
     /// Points that no view gives a label, where these are not wanted: background.
@@ -21,11 +24,23 @@ pub struct Dropped {
     pub contour: usize,
 }
 
+/// What a default size of voxels was chosen from.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ChosenVoxel {
+    /// What a pixel covers at the median depth, world units.
+    pub footprint: f64,
+    /// Frames that see the same place of a surface, on average.
+    pub views: f64,
+}
+
 /// What fusion did, for people.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FuseReport {
     /// Edge of a voxel in world units; 0 where a given cloud was labelled.
     pub voxel: f64,
+    /// Why the voxels have that edge, where it was not given.
+    #[serde(default)]
+    pub chosen: Option<ChosenVoxel>,
     /// Share of the depth by which a frame's depth may differ from a point that it sees.
     pub depth_tolerance: f64,
     /// Frames that gave points.

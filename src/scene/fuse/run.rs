@@ -3,11 +3,12 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::coverage::Coverage;
 use super::grid::{Grid, GridPoints};
 use super::lift::{Lift, LiftCount, Rays};
 use super::options::FuseOptions;
 use super::relabel::labelled;
-use super::report::{FuseReport, naming};
+use super::report::{ChosenVoxel, FuseReport, naming};
 use super::seen::SeenPoints;
 use super::source::{Views, check_size, readable};
 use super::tolerance::measured_tolerance;
@@ -15,12 +16,19 @@ use super::view::View;
 use super::visible::Tolerance;
 use super::vote::{VoteOptions, vote};
 use super::votes::Votes;
-use super::voxel_size::pixel_footprint;
+use super::voxel_size::two_digits;
 use crate::engine::job::Progress;
 use crate::frames::{DepthMap, Image};
 use crate::masks::{LabelId, LabelTree};
 use crate::scene::points::outliers;
 use crate::scene::{LabelledCloud, SceneError};
+
+/// Voxels above which a size that nobody gave was chosen too small.
+const MANY_VOXELS: usize = 8_000_000;
+/// Voxels above which a given size is refused: they take about 10 GB.
+const MAX_VOXELS: usize = 100_000_000;
+/// What a voxel size that was chosen too small is multiplied by.
+const COARSER: f64 = 1.5;
 
 /// What fusion makes.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,11 +58,19 @@ pub fn fuse(
     check_options(options)?;
     let mut report = FuseReport::default();
     let usable = usable_frames(views, &mut report)?;
+    progress.stage("fuse")?;
     report.voxel = match options.voxel {
         Some(voxel) => voxel,
-        None => pixel_footprint(views, &usable)?.ok_or_else(no_depth)?,
+        None => choose_voxel(views, &usable, &mut report, progress)?,
     };
-    let points = make_points(views, &usable, options, &mut report, progress)?;
+    let points = loop {
+        match make_points(views, &usable, options, &mut report, progress)? {
+            Some(points) => break points,
+            // Few frames are looked at to choose; others may see much more.
+            None if options.voxel.is_none() => report.voxel = two_digits(report.voxel * COARSER),
+            None => return Err(too_many(report.voxel)),
+        }
+    };
     report.depth_tolerance = match options.depth_tolerance {
         Some(share) => f64::from(share),
         None => measured_tolerance(&points.positions, views, &usable, report.voxel)?,
@@ -69,7 +85,25 @@ pub fn fuse(
     report.frames_voted = voted.frames;
     let mut cloud = LabelledCloud::from_positions(points.positions);
     (cloud.normals, cloud.colors) = (points.normals, points.colors);
-    Ok(finish(labelled(&cloud, &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
+    Ok(finish(labelled(cloud, &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
+}
+
+/// A size for the voxels that nobody gave.
+fn choose_voxel(
+    views: &dyn Views,
+    usable: &[usize],
+    report: &mut FuseReport,
+    progress: &Progress,
+) -> Result<f64, SceneError> {
+    let coverage = Coverage::measure(views, usable, false, progress)?.ok_or_else(no_depth)?;
+    report.chosen = Some(ChosenVoxel { footprint: coverage.footprint, views: coverage.views });
+    Ok(coverage.point_voxel())
+}
+
+fn too_many(voxel: f64) -> SceneError {
+    let millions = MAX_VOXELS / 1_000_000;
+    let what = format!("a voxel size of {voxel} gives more than {millions} million voxels; give a larger one, or none");
+    SceneError::Request(what)
 }
 
 fn check_options(options: &FuseOptions) -> Result<(), SceneError> {
@@ -115,15 +149,16 @@ fn load(views: &dyn Views, index: usize) -> Result<Option<Pixels>, SceneError> {
     Ok(Some((image, depth)))
 }
 
-/// Streams all usable frames through the grid; while one is added the next is decoded.
+/// Streams all usable frames through the grid; while one is added the next is decoded. `None` where there are too many voxels.
 fn make_points(
     views: &dyn Views,
     usable: &[usize],
     options: &FuseOptions,
     report: &mut FuseReport,
     progress: &Progress,
-) -> Result<GridPoints, SceneError> {
-    progress.stage("fuse")?;
+) -> Result<Option<GridPoints>, SceneError> {
+    (report.frames_fused, report.pixels, report.dropped) = Default::default();
+    let most = if options.voxel.is_some() { MAX_VOXELS } else { MANY_VOXELS };
     let mut grid = Grid::new(nearest_corner(views, usable), report.voxel);
     let mut rays: Option<Rays> = None;
     let mut unreadable = Vec::new();
@@ -146,6 +181,9 @@ fn make_points(
             report.dropped.flying_pixels += count.flying;
             report.dropped.far_pixels += count.beyond;
         }
+        if grid.voxels() > most {
+            return Ok(None);
+        }
     }
     let warning = naming("cannot be read (image or depth) and give no points", &unreadable);
     if let (0, Some(warning)) = (report.frames_fused, &warning) {
@@ -155,13 +193,13 @@ fn make_points(
         )));
     }
     report.warnings.extend(warning);
-    let points = grid.into_points(options.min_views);
-    report.dropped.few_views = points.few_views;
-    keep_inliers(points, options, report, progress)
+    let points = grid.into_points(options.min_views, progress)?;
+    (report.dropped.few_views, report.dropped.layers) = (points.few_views, points.merged);
+    keep_inliers(points, options, report, progress).map(Some)
 }
 
 /// The smallest coordinates of any camera: near the scene wherever that lies, and the same in any order of frames.
-fn nearest_corner(views: &dyn Views, usable: &[usize]) -> DVec3 {
+pub(super) fn nearest_corner(views: &dyn Views, usable: &[usize]) -> DVec3 {
     let centres = usable.iter().filter_map(|&index| Some(views.frames()[index].posed_camera()?.1.centre()));
     centres.reduce(DVec3::min).unwrap_or_default()
 }
@@ -197,6 +235,7 @@ fn keep_inliers(
         normals: near.iter().map(|&index| points.normals[index]).collect(),
         colors: near.iter().map(|&index| points.colors[index]).collect(),
         few_views: points.few_views,
+        merged: points.merged,
     })
 }
 

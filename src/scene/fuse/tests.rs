@@ -369,3 +369,24 @@ fn the_tolerance_is_what_the_depths_keep_to() {
     let rough = scene.fused(&options()).report.depth_tolerance;
     assert!(exact < 0.004 && rough >= 0.015, "{exact} {rough}");
 }
+
+/// Depths that are off by up to one voxel one way or the other, differently in each frame.
+#[test]
+fn a_surface_that_is_seen_often_by_a_noisy_sensor_gives_one_point_a_place() {
+    let exact = Scene::new(9);
+    let mut noisy = exact.clone();
+    for (view, depth) in noisy.depths.iter_mut().enumerate() {
+        let mut map = (**depth.as_ref().unwrap()).clone();
+        for (at, depth) in map.depths.iter_mut().enumerate() {
+            let step = (at * 7919 + view * 104_729) % 100;
+            *depth += 0.03 * (step as f32 / 50.0 - 1.0);
+        }
+        *depth = Some(Arc::new(map));
+    }
+    let (exact, noisy) = (exact.fused(&options()), noisy.fused(&options()));
+    let wall = |fused: &Fused| (0..fused.cloud.len()).filter(|&point| !is_ball(&fused.cloud, point)).count();
+    assert!(noisy.report.dropped.layers * 4 > wall(&exact), "{:?}", noisy.report.dropped);
+    assert!(wall(&noisy) * 2 < wall(&exact) * 5, "{} points of noise, {} without", wall(&noisy), wall(&exact));
+    let off: f32 = noisy.cloud.positions.iter().filter(|at| at.length() > 0.5).map(|at| (at.z - 1.0).abs()).sum();
+    assert!(off / (wall(&noisy) as f32) < 0.02, "{}", off / wall(&noisy) as f32);
+}

@@ -46,7 +46,7 @@ fn median(mut values: Vec<f32>) -> Option<f64> {
     Some(f64::from(*median))
 }
 
-fn two_digits(value: f64) -> f64 {
+pub(super) fn two_digits(value: f64) -> f64 {
     let unit = 10f64.powi(value.log10().floor() as i32 - 1);
     let steps = (value / unit).round();
     // Dividing by whole powers of ten gives the number that a person would write: 0.0034, not 0.0034000000000000002.

@@ -84,6 +84,9 @@ impl Voxel {
 }
 
 impl Block {
+    /// What a block with one layer takes.
+    pub(super) const BYTES: usize = size_of::<Self>() + size_of::<Layer>();
+
     pub(super) fn new(place: IVec3) -> Self {
         Self { place, frame: 0, first: Layer::new(), second: None }
     }

@@ -1,5 +1,7 @@
 use serde::{Deserialize, Serialize};
 
+use super::block::{Block, EDGE};
+
 /// How depth maps become a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -42,6 +44,9 @@ impl Default for VolumeOptions {
 }
 
 impl VolumeOptions {
+    /// Voxels along the edge of a block, the unit in which voxels are made, and the bytes that a block takes at least.
+    pub const BLOCK: (u32, usize) = (EDGE as u32, Block::BYTES);
+
     /// For depths made by comparing pictures: they lie closer to the surface than a sensor's, but several views may see the
     /// same thing that is not there, so a surface takes more than one of them.
     #[must_use]

@@ -12,13 +12,16 @@ use crate::engine::job::Progress;
 use crate::frames::{DepthSource, Frame, FrameStore};
 use crate::masks::Label;
 use crate::scene::fuse::{
-    Dropped, FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto, vote_seen, write_votes,
+    ChosenVoxel, Dropped, FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto, vote_seen, write_votes,
 };
 use crate::scene::ply::{Coloring, read_ply, save_ply};
 use crate::scene::stereo::{DenseCloud, FusionOptions, ViewOutcome, fuse_depths};
 use crate::session::jobs::{Kind, Landing};
 use crate::session::store::{DepthFolder, cloud_path, sync_folder, version_in_force, votes_path};
 use crate::session::{Coordinates, Edit, Event, FuseRequest, JobId, Project, ResultKind, ResultRecord, Session};
+
+/// Points that stereo's depths give at most where no voxel size is given.
+const STEREO_POINTS: usize = 4_000_000;
 
 impl Session {
     pub(in crate::session) fn fuse(&mut self, request: &FuseRequest) -> Result<JobId> {
@@ -65,16 +68,24 @@ impl Session {
                 coordinates: Some(coordinates(&project, version)),
                 request: Some(request),
             };
-            Ok(Box::new(move |session: &mut Self| session.take_cloud(&project, fused, record)) as Landing)
+            let summary = summary(&request, &fused, voxel);
+            Ok(Box::new(move |session: &mut Self| session.take_cloud(&project, fused, record, summary)) as Landing)
         }))
     }
 
-    fn take_cloud(&mut self, made_from: &Project, fused: Fused, mut record: ResultRecord) -> Result<()> {
+    fn take_cloud(
+        &mut self,
+        made_from: &Project,
+        fused: Fused,
+        mut record: ResultRecord,
+        summary: String,
+    ) -> Result<()> {
         let version = record.version;
         record.stale = has_changed(made_from, &*self.snapshot()?) || has_stale_depths(made_from);
         self.commit("Fuse", vec![Edit::SetResult { kind: ResultKind::Cloud, record: Some(record) }])?;
         self.cloud.put(Some(version), fused.cloud, Some(fused.votes));
         self.events.push(Event::CloudChanged);
+        self.events.push(Event::Notice(summary));
         self.warn_all(fused.report.warnings);
         Ok(())
     }
@@ -123,9 +134,10 @@ fn make_points(
         return Ok(fused);
     }
     if let Some(version) = stereo_version(project) {
-        let cloud = dense_cloud(views.store, root, project, version, request.voxel, progress)?;
+        let (cloud, voxel) = dense_cloud(views.store, root, project, version, request.voxel, progress)?;
         let (points, seen) = cloud.into_points();
         let mut fused = vote_seen(&points, &seen, views, &project.labels, &onto, progress)?;
+        fused.report.voxel = voxel.unwrap_or_default();
         if has_stale_depths(project) {
             fused.report.warnings.push("the depths were made with other cameras; reconstruct again".into());
         }
@@ -183,7 +195,8 @@ pub(super) fn stereo_version(project: &Project) -> Option<u64> {
     version_in_force(project, ResultKind::Depths).filter(|_| made && !measured)
 }
 
-/// Points of the depth maps that stereo made, with the pixels that made each.
+/// Points of the depth maps that stereo made, with the pixels that made each, and the edge of the voxels that they were thinned
+/// with.
 fn dense_cloud(
     store: &FrameStore,
     root: &Path,
@@ -191,7 +204,7 @@ fn dense_cloud(
     version: u64,
     voxel: Option<f64>,
     progress: &Progress,
-) -> Result<DenseCloud> {
+) -> Result<(DenseCloud, Option<f64>)> {
     let frames = &project.frames;
     let folder = DepthFolder::new(root, version, frames).scaled(frames);
     let account = folder.load_account()?;
@@ -206,8 +219,8 @@ fn dense_cloud(
     let cloud = fuse_depths(frames, &neighbours, source, &folder, &FusionOptions::default(), progress)?;
     ensure!(!cloud.is_empty(), "the depth maps agree on no point; look at them, and reconstruct with more pictures");
     Ok(match voxel {
-        Some(voxel) => cloud.thinned(voxel)?,
-        None => cloud,
+        Some(voxel) => (cloud.thinned(voxel)?, Some(voxel)),
+        None => cloud.thinned_to(STEREO_POINTS, progress)?,
     })
 }
 
@@ -224,8 +237,9 @@ fn has_changed(before: &Project, now: &Project) -> bool {
 fn settings(request: &FuseRequest, fused: &Fused, is_stereo: bool) -> String {
     let source = match &request.onto {
         Some(onto) => format!("onto {}", onto.display()),
-        None if is_stereo => request.voxel.map_or("stereo".into(), |voxel| format!("stereo, voxel {voxel:.6}")),
-        None => format!("voxel {:.6}", fused.report.voxel),
+        None if is_stereo && fused.report.voxel == 0.0 => "stereo".into(),
+        None if is_stereo => format!("stereo, voxel {:.6}", fused.report.voxel),
+        None => format!("voxel {:.6}{}", fused.report.voxel, chosen(fused)),
     };
     let confidence = request.min_confidence.map(|share| format!(", min confidence {share}")).unwrap_or_default();
     let Dropped { background, contour, .. } = fused.report.dropped;
@@ -234,6 +248,23 @@ fn settings(request: &FuseRequest, fused: &Fused, is_stereo: bool) -> String {
         false => String::new(),
     };
     format!("{source}{confidence}{dropped}, {} points", fused.report.points)
+}
+
+/// What the size of the voxels was chosen from, where it was.
+fn chosen(fused: &Fused) -> String {
+    let of = |ChosenVoxel { footprint, views }: ChosenVoxel| {
+        format!(" (chosen: a pixel covers {footprint:.6}, a place is seen by {views:.0} frames)")
+    };
+    fused.report.chosen.map(of).unwrap_or_default()
+}
+
+/// What was made, in one line.
+fn summary(request: &FuseRequest, fused: &Fused, surface: Option<f64>) -> String {
+    let (points, voxel) = (fused.report.points, fused.report.voxel);
+    let size = if voxel > 0.0 { format!(", voxel {voxel}{}", chosen(fused)) } else { String::new() };
+    let surface = surface.map(|edge| format!(", surface voxel {edge:.6}")).unwrap_or_default();
+    let made = if request.onto.is_some() { "labelled" } else { "fused" };
+    format!("{made} {points} points{size}{surface}")
 }
 
 pub(super) fn save_votes(path: &Path, votes: &Votes) -> Result<()> {

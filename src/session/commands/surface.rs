@@ -8,12 +8,19 @@ use super::voted_before::VotedBefore;
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
 use crate::masks::LabelId;
-use crate::scene::fuse::{OntoOptions, ProjectViews, SeenPoints, Votes, pixel_footprint, vote_seen};
+use crate::scene::fuse::{Coverage, OntoOptions, ProjectViews, SeenPoints, Votes, vote_seen};
 use crate::scene::ply::{Coloring, save_mesh};
 use crate::scene::volume::{VolumeOptions, reconstruct_surface};
 use crate::scene::{LabelledMesh, SceneError};
 use crate::session::store::{DepthFolder, mesh_path, mesh_votes_path};
 use crate::session::{FuseRequest, Project};
+
+/// Memory for the voxels of a surface whose voxel size nobody gave.
+const DEFAULT_BYTES: usize = 256 << 20;
+/// Blocks of voxels for each cell of their size that a surface passes through: those within the truncation belong to it too.
+const BLOCKS_PER_CELL: f64 = 2.0;
+/// What a voxel size is multiplied by where it takes more than twice that memory all the same.
+const COARSER: f64 = 1.5;
 
 /// What a surface is made of.
 pub(super) struct Sources<'a> {
@@ -48,14 +55,15 @@ impl Sources<'_> {
             save_surface(self.root, version, &mesh, &votes, progress)?;
             return Ok(before.record.voxel.map_or(Made::Nothing(None), |voxel| Made::Surface { voxel }));
         }
-        let Some(voxel) = self.voxel(&views)? else { return Ok(Made::Nothing(None)) };
+        let Some(voxel) = self.voxel(&views, progress)? else { return Ok(Made::Nothing(None)) };
         let kind =
             if stereo_version(self.project).is_some() { VolumeOptions::for_stereo() } else { VolumeOptions::default() };
-        let mut options = VolumeOptions { voxel, only_labelled: self.request.drop_unlabelled, ..kind };
+        let max_bytes = if self.request.voxel.is_some() { kind.max_bytes } else { 2 * DEFAULT_BYTES };
+        let mut options = VolumeOptions { voxel, only_labelled: self.request.drop_unlabelled, max_bytes, ..kind };
         let surface = loop {
             match reconstruct_surface(&views, &options, progress) {
-                // A size that nobody asked for may be larger: what is labelled stands near, a room around it is wide.
-                Err(SceneError::TooLarge { .. }) if self.request.voxel.is_none() => options.voxel *= 2.0,
+                // A size that nobody asked for may be larger: few frames were looked at to choose it.
+                Err(SceneError::TooLarge { .. }) if self.request.voxel.is_none() => options.voxel *= COARSER,
                 Err(error @ (SceneError::TooLarge { .. } | SceneError::Request(_))) => {
                     return Ok(Made::Nothing(Some(format!("no surface was made: {error}"))));
                 }
@@ -71,8 +79,8 @@ impl Sources<'_> {
         Ok(Made::Surface { voxel: options.voxel })
     }
 
-    /// The edge asked for; otherwise what a pixel of the depth maps covers.
-    fn voxel(&self, views: &ProjectViews<'_>) -> Result<Option<f64>> {
+    /// The edge asked for; otherwise what a pixel of the depth maps covers, or more where that takes much memory.
+    fn voxel(&self, views: &ProjectViews<'_>, progress: &Progress) -> Result<Option<f64>> {
         if self.request.voxel.is_some() {
             return Ok(self.request.voxel);
         }
@@ -80,11 +88,19 @@ impl Sources<'_> {
         let usable: Vec<usize> = (0..frames.len())
             .filter(|&frame| frames[frame].posed_camera().is_some() && frames[frame].depth.is_some())
             .collect();
-        let Some(footprint) = pixel_footprint(views, &usable)? else { return Ok(None) };
-        let Some(version) = stereo_version(self.project) else { return Ok(Some(footprint)) };
+        progress.stage("surface")?;
+        let only_labelled = self.request.drop_unlabelled;
+        let Some(coverage) = Coverage::measure(views, &usable, only_labelled, progress)? else { return Ok(None) };
+        let (edge, bytes) = VolumeOptions::BLOCK;
+        let blocks = DEFAULT_BYTES as f64 / (bytes as f64 * BLOCKS_PER_CELL);
+        let proportionate = coverage.edge_for(blocks) / f64::from(edge);
+        let Some(version) = stereo_version(self.project) else {
+            return Ok(Some(coverage.footprint.max(proportionate)));
+        };
         let max_side = DepthFolder::new(self.root, version, frames).load_account()?.max_side;
         let side = usable.iter().map(|&frame| frames[frame].width.max(frames[frame].height)).max().unwrap_or(max_side);
-        Ok(Some(footprint * f64::from(side.max(max_side)) / f64::from(max_side.max(1))))
+        let measured = coverage.footprint * f64::from(side.max(max_side)) / f64::from(max_side.max(1));
+        Ok(Some(measured.max(proportionate)))
     }
 
     fn vote(

@@ -14,6 +14,9 @@ use crate::session::cloud::read_votes_on;
 use crate::session::store::{cloud_path, mesh_path, mesh_votes_path, version_in_force, votes_path};
 use crate::session::{FuseRequest, Project, ResultKind, ResultRecord};
 
+/// Number of the way in which points and surfaces are made; another number makes them again.
+const FUSION: u32 = 2;
+
 /// The project's cloud where it was made of the very frames, cameras, depths and options that it would be made of now:
 /// points and vertices stay, and only masks vote again.
 pub(super) struct VotedBefore {
@@ -123,7 +126,7 @@ pub(super) fn geometry_digest(project: &Project, request: &FuseRequest) -> Resul
         [stamp(frame.picture.path()), depth.and_then(stamp)]
     });
     let stamps: Vec<_> = of_frames.chain([request.onto.as_deref().and_then(stamp)]).collect();
-    let all = (env!("CARGO_PKG_VERSION"), &project.frames, request, stamps);
+    let all = (env!("CARGO_PKG_VERSION"), FUSION, &project.frames, request, stamps);
     let bytes = serde_json::to_vec(&all).context("what the cloud is made of cannot be told")?;
     Ok(Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect())
 }

@@ -1,11 +1,19 @@
 use std::collections::BTreeMap;
 
 use glam::Vec3;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::cloud::{Contributor, DenseCloud};
+use crate::engine::job::Progress;
 use crate::scene::fuse::{SeenPoint, SeenPoints};
 use crate::scene::{LabelledCloud, SceneError};
+
+/// Tries to find the edge that gives as many points as wanted; three are usual.
+const MOST_TRIES: usize = 8;
+/// Share of the most points from which on an edge is fine enough.
+const ENOUGH: f64 = 0.7;
+/// Share of the most points that is aimed at.
+const AIM: f64 = 0.85;
 
 impl DenseCloud {
     /// The points without labels, and for each frame that made points which of them it sees, in which pixel: what
@@ -37,8 +45,7 @@ impl DenseCloud {
         let origin = self.positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
         let mut voxels: FxHashMap<[i64; 3], Vec<u32>> = FxHashMap::default();
         for (point, position) in (0..).zip(&self.positions) {
-            let key = (*position - origin).to_array().map(|along| (f64::from(along) / voxel).floor() as i64);
-            voxels.entry(key).or_default().push(point);
+            voxels.entry(voxel_of(*position, origin, voxel)).or_default().push(point);
         }
         let mut kept: Vec<(u32, Vec<u32>)> =
             voxels.into_values().map(|points| (self.middle(&points), points)).collect();
@@ -59,6 +66,40 @@ impl DenseCloud {
         Ok(thin)
     }
 
+    /// About as many points as `most` at most: as they are where they are no more, else thinned with the smallest edge that
+    /// gives no more, which is returned too.
+    ///
+    /// # Errors
+    /// [`SceneError::Stopped`]; [`SceneError::Request`] for points without extent.
+    pub fn thinned_to(self, most: usize, progress: &Progress) -> Result<(Self, Option<f64>), SceneError> {
+        if self.len() <= most {
+            return Ok((self, None));
+        }
+        let (min, max) = self
+            .positions
+            .iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &position| (min.min(position), max.max(position)));
+        // The points fill a surface about as large as their box's sides, or less.
+        let mut voxel = f64::from((max - min).length()) / (most as f64).sqrt();
+        for _ in 0..MOST_TRIES {
+            progress.check()?;
+            let ratio = self.voxels(min, voxel) as f64 / most as f64;
+            if (ENOUGH..=1.0).contains(&ratio) {
+                break;
+            }
+            // Aims below the most: surfaces have two dimensions, noise adds to them.
+            voxel *= (ratio / AIM).powf(0.45).clamp(0.1, 10.0);
+        }
+        Ok((self.thinned(voxel)?, Some(voxel)))
+    }
+
+    /// The number of voxels that hold points.
+    fn voxels(&self, origin: Vec3, voxel: f64) -> usize {
+        let keys: FxHashSet<[i64; 3]> =
+            self.positions.iter().map(|&position| voxel_of(position, origin, voxel)).collect();
+        keys.len()
+    }
+
     /// Of some points the one nearest to their mean.
     fn middle(&self, points: &[u32]) -> u32 {
         let at = |&point: &u32| self.positions[point as usize];
@@ -66,6 +107,10 @@ impl DenseCloud {
         let distance = |point: &u32| at(point).distance_squared(mean);
         points.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or_default()
     }
+}
+
+fn voxel_of(position: Vec3, origin: Vec3, voxel: f64) -> [i64; 3] {
+    (position - origin).to_array().map(|along| (f64::from(along) / voxel).floor() as i64)
 }
 
 #[cfg(test)]
@@ -96,6 +141,21 @@ mod tests {
         let at = |point, x, y| SeenPoint { point, x, y };
         assert_eq!(seen[&4], [at(0, 1, 1), at(2, 7, 5)]);
         assert_eq!(seen[&9], [at(0, 3, 3), at(1, 5, 3), at(2, 7, 3)]);
+    }
+
+    #[test]
+    fn a_cloud_of_too_many_points_is_thinned_to_about_as_many_as_wanted() {
+        let at = |k: u32| Vec3::new((k % 200) as f32, (k / 200) as f32, 0.0);
+        let dense = DenseCloud {
+            positions: (0..40_000).map(at).collect(),
+            normals: vec![Vec3::Z; 40_000],
+            colors: vec![[1; 3]; 40_000],
+            offsets: vec![0; 40_001],
+            ..cloud()
+        };
+        let (thin, voxel) = dense.clone().thinned_to(4000, &Progress::default()).unwrap();
+        assert!((2500..=4000).contains(&thin.len()), "{} at {voxel:?}", thin.len());
+        assert_eq!(dense.clone().thinned_to(40_000, &Progress::default()).unwrap(), (dense, None));
     }
 
     #[test]
