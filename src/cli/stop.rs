@@ -14,7 +14,7 @@ pub(super) const EXIT_CODE: u8 = 130;
 
 /// How long a running command may take to stop by itself. A job notices a stop at its next step and saves what it finished;
 /// what takes longer is ended from outside. With the time to exit this stays below 200 ms.
-const GRACE: Duration = Duration::from_millis(150);
+const GRACE: Duration = Duration::from_millis(120);
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
