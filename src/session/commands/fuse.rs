@@ -55,6 +55,7 @@ impl Session {
                 }
             };
             sync_folder(&root.join("versions"))?;
+            let summary = summary(&request, &fused, voxel);
             let record = ResultRecord {
                 engine: if request.onto.is_some() { "onto".into() } else { "fuse".into() },
                 frames: fused.report.frames_voted,
@@ -68,7 +69,6 @@ impl Session {
                 coordinates: Some(coordinates(&project, version)),
                 request: Some(request),
             };
-            let summary = summary(&request, &fused, voxel);
             Ok(Box::new(move |session: &mut Self| session.take_cloud(&project, fused, record, summary)) as Landing)
         }))
     }

@@ -73,9 +73,9 @@ impl Session {
         let new = new.clone();
         Ok(self.start("Add frames", Kind::Short, move |link| {
             let Opened { frames, warnings } = read_frames(&new, &link.progress)?;
-            let mut frames = with_free_names(frames, &project)?;
+            let frames = with_free_names(frames, &project)?;
             Ok(Box::new(move |session: &mut Self| {
-                let frames = in_scene_scale(frames, &*session.snapshot()?);
+                let mut frames = in_scene_scale(frames, &*session.snapshot()?);
                 let title = format!("Add {} frames", frames.len());
                 let edits = add_in_place(&mut frames, session.snapshot()?.as_ref());
                 session.commit(&title, edits.into_iter().chain([Edit::AddFrames { frames }]).collect())?;
