@@ -228,7 +228,7 @@ impl OpenProject {
     /// # Errors
     /// When a file cannot be written; the journal holds everything.
     pub fn save_now(&mut self) -> Result<()> {
-        if !self.folder.is_unwritten() {
+        if !self.folder.is_unwritten() || self.view_reason().is_some() {
             return Ok(());
         }
         let written = self.checkpoint()?.write(&Progress::default())?;

@@ -400,7 +400,7 @@ fn what_cannot_be_scaled_is_refused_and_nothing_changes() {
     }
     for length in ["1e-30", "1e30", "1e300"] {
         let said = refused_scale(&fused.scale(&["--length", length]));
-        assert!(said.contains("a million times"), "{said}");
+        assert!(said.contains("a million times") || said.contains("is not possible"), "{said}");
     }
     for length in ["0", "-1", "nan", "inf"] {
         let words = fused.scale(&["--length", length]);

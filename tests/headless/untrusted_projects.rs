@@ -643,5 +643,9 @@ fn output_to_a_full_disk_is_an_error() {
         process.args(["info", &copy.project]).stdout(output).output().unwrap()
     };
     let out = info(fs::OpenOptions::new().write(true).open("/dev/full").unwrap());
-    assert!(out.status.code() == Some(1) && stderr(&out).contains("the output cannot be written"), "{}", stderr(&out));
+    assert!(
+        out.status.code() == Some(1) && stderr(&out).contains("standard output cannot be written"),
+        "{}",
+        stderr(&out)
+    );
 }

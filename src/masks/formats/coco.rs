@@ -324,12 +324,12 @@ fn draw_polygon(
     emit: &mut dyn FnMut(Range<usize>),
     skip: &mut dyn FnMut(&'static str, String),
 ) -> bool {
-    if polygon.len() < 6 {
-        skip("polygons of fewer than three corners were left out", String::new());
-        return false;
-    }
     if polygon.len() % 2 == 1 {
         skip("polygons with an x but no y were left out", format!(": {} numbers", polygon.len()));
+        return false;
+    }
+    if polygon.len() < 6 {
+        skip("polygons of fewer than three corners were left out", String::new());
         return false;
     }
     let usable = |number: &f64| number.abs() <= MAX_COORDINATE;

@@ -89,8 +89,8 @@ impl Voxel {
 
     /// Adds the samples of a neighbour that lies `offset` voxels away. Frames that measured both count once.
     fn take(&mut self, other: &Self, offset: [i32; 3]) {
-        for axis in 0..3 {
-            self.fraction[axis] += other.fraction[axis] + offset[axis] * FRACTION as i32 * other.samples as i32;
+        for (axis, voxels) in offset.into_iter().enumerate() {
+            self.fraction[axis] += other.fraction[axis] + voxels * FRACTION as i32 * other.samples as i32;
             self.color[axis] += other.color[axis];
             self.normal[axis] += other.normal[axis];
         }

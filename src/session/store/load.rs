@@ -60,8 +60,11 @@ pub fn state(root: &Path, progress: &Progress) -> Result<State> {
         }
     };
     let seq = journal.records.last().map_or(checkpoint, |record| record.seq.max(checkpoint));
-    let Past { history, seq: history_seq, length, damage, warning } =
+    let Past { mut history, seq: history_seq, length, damage, warning } =
         history_file::read(root, checkpoint, &journal.records);
+    for record in journal.records.iter().filter(|record| record.seq > history_seq) {
+        record.clone().fold(&mut history);
+    }
     let ReadMasks { mut warnings, mut damages, .. } = read;
     damages.extend(journal_damage(&path, &journal));
     damages.extend(damage);

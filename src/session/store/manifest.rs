@@ -36,7 +36,6 @@ pub struct Manifest {
     frames: Vec<Frame>,
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference")]
 fn is_zero(origin: &DVec3) -> bool {
     *origin == DVec3::ZERO
 }

@@ -101,7 +101,7 @@ fn a_child_that_adds_without_a_runtime() {
     let added = add(&catalogue, &target, "xfeat", &[folder.join("xfeat.onnx")]).unwrap();
     assert_eq!(added[0].proof, Proof::Known);
     let added =
-        add(&catalogue, &target, "efficient-sam", &[folder.join("xfeat.onnx"), folder.join("xfeat.onnx")]).unwrap();
+        add(&catalogue, &target, "mobile-sam", &[folder.join("xfeat.onnx"), folder.join("xfeat.onnx")]).unwrap();
     assert!(matches!(&added[0].proof, Proof::None(why) if why.contains("ONNX Runtime")), "{added:?}");
     let error = add(&catalogue, &target, "lighterglue", &[folder.join("xfeat.onnx")]).unwrap_err();
     assert!(matches!(error, NnError::Digest { .. }), "{error}");

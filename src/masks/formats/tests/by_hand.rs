@@ -57,10 +57,19 @@ fn coco_as_other_tools_write_it() {
 fn broken_coco_is_told() {
     for (annotations, part) in [
         (r#"[{"id": 3, "image_id": 7, "category_id": 1, "segmentation": [[1,1,2,2,3,3]]}]"#, "annotation 3"),
-        (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": [[1,1,2,2,3]]}]"#, "5 numbers"),
-        (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": {"size":[9,13],"counts":[1,2]}}]"#, "add up"),
-        (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": {"size":[9,12],"counts":[108]}}]"#, "12×9"),
-        (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": {"size":[9,13],"counts":"!"}}]"#, "damaged"),
+        (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": [[1,1,2,2,3]]}]"#, "x but no y"),
+        (
+            r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": {"size":[9,13],"counts":[1,2]}}]"#,
+            "damaged or do not fit",
+        ),
+        (
+            r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": {"size":[9,12],"counts":[108]}}]"#,
+            "damaged or do not fit",
+        ),
+        (
+            r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": {"size":[9,13],"counts":"!"}}]"#,
+            "damaged or do not fit",
+        ),
         (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": 5}]"#, "neither polygons"),
         ("[", "not a COCO JSON file"),
     ] {
