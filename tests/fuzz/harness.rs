@@ -32,7 +32,7 @@ struct Figures {
 
 /// A fuzz target: a folder, the seeds that are damaged and placed in it, and what reads them.
 pub struct Target<'a, F> {
-    name: &'a str,
+    name: String,
     folder: TempDir,
     seeds: &'a [Seed],
     read: F,
@@ -41,10 +41,12 @@ pub struct Target<'a, F> {
 
 impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
     /// Makes the target and reads the undamaged seeds.
-    pub fn new(name: &'a str, seeds: &'a [Seed], read: F) -> Self {
+    pub fn new(name: &str, seeds: &'a [Seed], read: F) -> Self {
         let folder = tempfile::tempdir_in(scratch()).unwrap();
-        let target = Self { name, folder, seeds, read, figures: Mutex::default() };
-        seeds.iter().for_each(|seed| target.read(seed));
+        let target = Self { name: name.to_owned(), folder, seeds, read, figures: Mutex::default() };
+        for seed in seeds {
+            target.read(seed);
+        }
         target
     }
 

@@ -31,7 +31,7 @@ fn images() {
 #[test]
 fn depth_maps() {
     let color = tempfile::tempdir().unwrap();
-    std::fs::write(color.path().join("0.png"), &seeds::color_png()).unwrap();
+    std::fs::write(color.path().join("0.png"), seeds::color_png()).unwrap();
     fuzz!("depth maps", 10_000, seeds::depths(), |folder, _| open_all(color.path(), Some(folder)));
 }
 

@@ -171,7 +171,7 @@ fn yolo_names_are_found_or_missed_aloud() {
         let images = Images::new();
         images.file("set/labels/0.txt", line);
         images.file(&format!("set/{file}"), text);
-        assert_eq!(images.import(&images.path("set"), &["--format", "yolo"]).contains("no class names"), false);
+        assert!(!images.import(&images.path("set"), &["--format", "yolo"]).contains("no class names"));
         assert_eq!(images.labels(), ["leaf", "stem"]);
     }
     let images = Images::new();

@@ -80,7 +80,7 @@ fn copy_folder(from: &Path, to: &Path) {
     for entry in fs::read_dir(from).unwrap().flatten() {
         let target = to.join(entry.file_name());
         if entry.path().is_dir() {
-            copy_folder(&entry.path(), &target)
+            copy_folder(&entry.path(), &target);
         } else {
             fs::copy(entry.path(), target).unwrap();
         }
@@ -431,7 +431,7 @@ fn whatever_file_is_damaged_nothing_is_lost_silently() {
             fs::write(path, bytes).unwrap();
         }),
         ("truncate", |path, _| {
-            fs::write(path, &fs::read(path).unwrap()[..fs::metadata(path).unwrap().len() as usize / 2]).unwrap()
+            fs::write(path, &fs::read(path).unwrap()[..fs::metadata(path).unwrap().len() as usize / 2]).unwrap();
         }),
         ("folder", |path, _| {
             fs::remove_file(path).unwrap();
