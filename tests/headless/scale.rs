@@ -257,7 +257,7 @@ fn assert_all_scaled(before: &Exported, after: &Exported, factor: f64) {
     assert_scaled("cloud", &before.cloud(), &after.cloud(), factor_32);
     assert_scaled("mesh", &before.mesh(), &after.mesh(), factor_32);
     assert_scaled("voxels", &before.voxels(), &after.voxels(), factor_32);
-    let narrow = |points: Vec<DVec3>| points.iter().map(glam::DVec3::as_vec3).collect::<Vec<_>>();
+    let narrow = |points: Vec<DVec3>| points.into_iter().map(DVec3::as_vec3).collect::<Vec<_>>();
     let off = narrow(before.las())
         .iter()
         .zip(&narrow(after.las()))
