@@ -106,7 +106,12 @@ impl ExportRecord {
 }
 
 fn name_below(folder: &Path, file: &Path) -> Option<String> {
-    let below = file.strip_prefix(folder).ok()?;
+    // A name without a folder lies in the current one.
+    let below = match file.strip_prefix(folder) {
+        Ok(below) => below,
+        Err(_) if folder == Path::new(".") => file,
+        Err(_) => return None,
+    };
     Some(below.components().map(|part| part.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/"))
 }
 

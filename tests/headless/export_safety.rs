@@ -85,6 +85,11 @@ fn earlier_exports_are_replaced_and_edited_ones_are_kept() {
     assert!(refused(&["export", &project, "--traits", &csv]).contains("--overwrite"));
     assert_eq!(std::fs::read_to_string(&csv).unwrap(), edited);
     done(&["export", &project, "--traits", &csv, "--overwrite"]);
+    for _ in 0..2 {
+        let mut run = Command::new(env!("CARGO_BIN_EXE_ostra"));
+        let output = run.current_dir(recording.path("out")).args(["export", &project, "--traits", "here.csv"]).output();
+        assert!(output.unwrap().status.success(), "a name without a folder is known again");
+    }
     std::fs::write(&other, "mine").unwrap();
     refused(&["export", &project, "--traits", &other, "--overwrite"]);
     assert_eq!(std::fs::read_to_string(&other).unwrap(), "mine");

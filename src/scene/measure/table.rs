@@ -105,8 +105,10 @@ fn significant(value: f64) -> String {
 fn quoted(text: &str) -> String {
     let is_formula =
         text.trim_start_matches(' ').starts_with(['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠']);
-    let text = &if is_formula { format!("'{text}") } else { text.to_owned() };
-    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+    let mark = if is_formula { "'" } else { "" };
+    // Control characters would steer a terminal that shows the file.
+    let text: String = mark.chars().chain(text.chars().map(|c| if c.is_control() { ' ' } else { c })).collect();
+    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
 }
 
 #[cfg(test)]
