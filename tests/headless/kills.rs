@@ -117,7 +117,10 @@ fn check_outputs(folder: &Path) {
             let path = entry.unwrap().path();
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
             if path.is_dir() {
-                folders.push(path);
+                // A project is checked by opening it.
+                if name != "new" {
+                    folders.push(path);
+                }
             } else if !name.starts_with('.') {
                 let bytes = std::fs::read(&path).unwrap();
                 let is_whole = match path.extension().and_then(|ending| ending.to_str()) {
