@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::{self, Metadata};
 use std::path::{Component, Path, PathBuf};
-use std::time::UNIX_EPOCH;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
@@ -70,7 +70,17 @@ impl Exported {
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct ExportRecord {
     files: BTreeMap<String, Exported>,
+    /// Files that an export writes now or was writing when it was ended, with the time it began; [`WHOLE_FOLDER`] stands for
+    /// all files of the folder.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pending: BTreeMap<String, u128>,
 }
+
+/// The name under which a whole folder is pending.
+const WHOLE_FOLDER: &str = "";
+
+/// The clock of a file system may lag behind the system's; before an export nothing of its names was there.
+const CLOCK_LAG: Duration = Duration::from_secs(1);
 
 impl ExportRecord {
     /// Reads the record of a folder; without one, or with one that cannot be read, nothing counts as exported.
@@ -90,6 +100,13 @@ impl ExportRecord {
             .with_context(|| format!("{}: cannot be written; check permissions and free space", path.display()))
     }
 
+    fn begin(&self, folder: &Path) -> Result<()> {
+        fs::create_dir_all(folder)
+            .with_context(|| format!("{}: cannot be made; check permissions", folder.display()))?;
+        disk::remove_leftovers(folder, true);
+        self.write(folder, RECORD)
+    }
+
     /// Adds a file of the folder as it is now.
     pub fn add(&mut self, folder: &Path, file: &Path) {
         if let (Some(name), Ok(found)) = (name_below(folder, file), fs::metadata(file)) {
@@ -100,7 +117,15 @@ impl ExportRecord {
     /// Whether OSTRA wrote this file of the folder, and if so, whether it is unchanged since.
     #[must_use]
     pub fn is_unchanged(&self, folder: &Path, file: &Path) -> Option<bool> {
-        let exported = self.files.get(&name_below(folder, file)?)?;
+        let name = name_below(folder, file)?;
+        let began = self.pending.get(&name).or_else(|| self.pending.get(WHOLE_FOLDER));
+        if let (Some(&began), Ok(found)) = (began, fs::symlink_metadata(file))
+            && found.is_file()
+            && Exported::of(&found).modified_ns >= began
+        {
+            return Some(true);
+        }
+        let exported = self.files.get(&name)?;
         Some(fs::symlink_metadata(file).is_ok_and(|found| found.is_file() && Exported::of(&found) == *exported))
     }
 }
@@ -245,6 +270,30 @@ impl ExportTargets {
         }
     }
 
+    /// Notes that these files are about to be written, so that what an export leaves that is ended can be replaced.
+    ///
+    /// # Errors
+    /// When a folder cannot be made or the record cannot be written.
+    pub fn begin_files<'a>(files: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+        let mut records: BTreeMap<&Path, ExportRecord> = BTreeMap::new();
+        for file in files {
+            let folder = folder_of(file);
+            let record = records.entry(folder).or_insert_with(|| ExportRecord::read(folder, RECORD));
+            record.pending.extend(name_below(folder, file).map(|name| (name, now_ns())));
+        }
+        records.into_iter().try_for_each(|(folder, record)| record.begin(folder))
+    }
+
+    /// Notes that a folder is about to be written, as [`Self::begin_files`].
+    ///
+    /// # Errors
+    /// When the folder cannot be made or the record cannot be written.
+    pub fn begin_folder(folder: &Path) -> Result<()> {
+        let mut record = ExportRecord::read(folder, RECORD);
+        record.pending.insert(WHOLE_FOLDER.to_owned(), now_ns());
+        record.begin(folder)
+    }
+
     /// Removes what killed exports left in the folders of these files, and notes the files as exported.
     ///
     /// # Errors
@@ -253,7 +302,9 @@ impl ExportTargets {
         let mut records: BTreeMap<&Path, ExportRecord> = BTreeMap::new();
         for file in files {
             let folder = folder_of(file);
-            records.entry(folder).or_insert_with(|| ExportRecord::read(folder, RECORD)).add(folder, file);
+            let record = records.entry(folder).or_insert_with(|| ExportRecord::read(folder, RECORD));
+            record.add(folder, file);
+            name_below(folder, file).map(|name| record.pending.remove(&name));
         }
         for (folder, record) in records {
             disk::remove_leftovers(folder, false);
@@ -272,6 +323,12 @@ impl ExportTargets {
         files_below(folder)?.iter().for_each(|file| record.add(folder, file));
         record.write(folder, RECORD)
     }
+}
+
+/// Now, less the lag of a file system's clock, in nanoseconds since 1970.
+fn now_ns() -> u128 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    now.saturating_sub(CLOCK_LAG).as_nanos()
 }
 
 fn count(files: usize) -> String {
@@ -363,6 +420,21 @@ mod tests {
         fs::write(folder.join("mine.txt"), "mine").unwrap();
         let overwrite = ExportTargets { overwrite: true, ..ExportTargets::default() };
         assert!(overwrite.check_folder(&folder).unwrap_err().to_string().contains("1 file that OSTRA did not export"));
+    }
+
+    #[test]
+    fn what_an_ended_export_left_is_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let (file, folder) = (dir.path().join("c.ply"), dir.path().join("masks"));
+        ExportTargets::begin_files([file.as_path()]).unwrap();
+        ExportTargets::begin_folder(&folder).unwrap();
+        fs::write(&file, "cloud").unwrap();
+        fs::write(folder.join("0.png"), "mask").unwrap();
+        ExportTargets::default().check_files([file.as_path()]).unwrap();
+        ExportTargets::default().check_folder(&folder).unwrap();
+        ExportTargets::note_files([file.as_path()]).unwrap();
+        fs::write(&file, "cloud, edited").unwrap();
+        assert!(ExportTargets::default().check_files([file.as_path()]).is_err());
     }
 
     #[test]

@@ -31,6 +31,7 @@ impl Session {
         let path = path.to_owned();
         Ok(self.start("Write picture", Kind::Short, move |link| {
             link.progress.stage("draw")?;
+            ExportTargets::begin_files([path.as_path()])?;
             write(&path)?;
             ExportTargets::note_files([path.as_path()])?;
             Ok(Box::new(move |session: &mut Self| {
@@ -55,6 +56,7 @@ impl Session {
         let path = path.to_owned();
         Ok(self.start("Write film", Kind::Short, move |link| {
             link.progress.stage("write film")?;
+            ExportTargets::begin_files([path.as_path()])?;
             write_film(&path, &options, draw, &link.progress)?;
             ExportTargets::note_files([path.as_path()])?;
             Ok(Box::new(move |session: &mut Self| {

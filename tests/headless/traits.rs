@@ -11,7 +11,7 @@ use ostra::scene::LabelledCloud;
 use ostra::scene::instances::{InstanceOptions, find_instances};
 use ostra::scene::measure::TraitRow;
 use ostra::scene::synthetic::{Scene, SceneOptions};
-use ostra::session::{Command, FuseRequest, MeasureWish, NewProject, Session};
+use ostra::session::{Command, ExportRequest, FuseRequest, MeasureWish, NewProject, Session};
 
 use super::session::perform;
 
@@ -62,14 +62,16 @@ fn exported_angles(folder: &Path, leaves: &[String]) -> Vec<(String, f64)> {
         rows.map(|cells| (cells[0].clone(), cells[4].parse().unwrap())).collect::<Vec<(String, f64)>>()
     };
     let rows = read();
-    // What was done is in the project's recipe.
+    // The same from within a session, whose recipe keeps it.
     std::fs::remove_file(&csv).unwrap();
     let mut session = Session::new();
     perform(&mut session, Command::Open(project.into())).unwrap();
-    let again = session.recipe().commands.iter().rfind(|command| matches!(command, Command::Export(_)));
-    let again = again.unwrap().clone();
-    perform(&mut session, again).unwrap();
+    let id = |name: &str| session.project().unwrap().labels.by_name(name).unwrap().id;
+    let angles = leaves.iter().map(|leaf| [id(leaf), id("stem")]).collect();
+    let export = Command::Export(ExportRequest { traits: Some(csv.clone()), angles, ..ExportRequest::default() });
+    perform(&mut session, export.clone()).unwrap();
     assert_eq!(read(), rows);
+    assert_eq!(session.recipe().commands.last(), Some(&export));
     rows
 }
 

@@ -139,6 +139,8 @@ fn write(
     if request.per_label {
         targets.check_files(files.iter().map(PathBuf::as_path))?;
     }
+    ExportTargets::begin_files(files.iter().map(PathBuf::as_path))?;
+    output_folders(request).try_for_each(ExportTargets::begin_folder)?;
     if request.cloud.is_some() || request.voxels.is_some() || request.traits.is_some() {
         let cloud = load_cloud(sources, progress)?;
         if let Some(path) = &request.cloud {

@@ -44,6 +44,7 @@ impl Session {
         let targets = ExportTargets::of(&project, self.root(), overwrite);
         targets.check_folder(&dir)?;
         Ok(self.start("Export masks", Kind::Short, move |link| {
+            ExportTargets::begin_folder(&dir)?;
             write(&dir, format, &project, None, &link.progress)?;
             ExportTargets::note_folder(&dir)?;
             Ok(Box::new(|_: &mut Self| Ok(())) as Landing)
