@@ -49,7 +49,7 @@ pub(super) fn one_line(text: &str) -> String {
 /// What standard output could not take.
 ///
 /// # Errors
-/// The first error of any [`say`]; a reader that has gone away (`| head`) is none.
+/// The first error of any [`say`]; a reader that has gone away (`| head`) is not an error.
 pub(super) fn finish() -> std::io::Result<()> {
     let mut failure = FAILURE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     failure.take().map_or(Ok(()), Err)
