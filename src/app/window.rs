@@ -263,11 +263,11 @@ impl Window {
             Take::Still { transparent } => {
                 let write =
                     move |path: &Path| Ok(write_png(path, &portrait.draw(size, 0.0, transparent), transparent)?);
-                self.session.write_picture(&wish.path, write)
+                self.session.write_picture(&wish.path, wish.overwrite, write)
             }
             Take::Turntable { count, fps } => {
                 let options = FilmOptions { size, count, fps: f64::from(fps) };
-                self.session.write_film(&wish.path, options, false, move |number| {
+                self.session.write_film(&wish.path, options, wish.overwrite, move |number| {
                     portrait.draw(size, TAU * number as f32 / count as f32, false).image
                 })
             }
@@ -278,11 +278,13 @@ impl Window {
     }
 
     fn save_recipe(&mut self, path: &Path) {
-        let allowed = self.session.check_export(path, false);
-        let written = allowed
-            .and_then(|()| Ok(serde_json::to_string_pretty(self.session.recipe())?))
-            .and_then(|text| Ok(disk::write(path, text.as_bytes())?))
-            .and_then(|()| ExportTargets::note_files([path]));
+        // The dialog that gave the path has asked before it took an existing file.
+        let allowed = self.session.check_export(path, true);
+        let written =
+            allowed.and_then(|()| Ok(serde_json::to_string_pretty(self.session.recipe())?)).and_then(|text| {
+                let write = || Ok(disk::write(path, text.as_bytes())?);
+                ExportTargets::write_files(&[path.to_owned()], write)
+            });
         match written {
             Ok(()) => self.shell.view.note = format!("Recipe written to {}", path.display()),
             Err(error) => {

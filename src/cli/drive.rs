@@ -1,5 +1,5 @@
 use std::collections::BTreeMap;
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
 
-use super::print::{printable, say, warn};
+use super::print::{printable, say, say_aside, warn};
 use super::stop;
 use crate::frames::{FilmOptions, Image};
 use crate::scene::doubt::FrameDoubt;
@@ -59,10 +59,9 @@ impl Driver {
             self.act(command)?;
         }
         if let Err(error) = self.session.save() {
-            let text = format!("{error:#}").replace('\n', " ");
-            eprintln!(
-                "warning: {text}; what was done is safe in the project's journal, the next command writes the rest"
-            );
+            warn(&format!(
+                "{error:#}; what was done is safe in the project's journal, the next command writes the rest"
+            ));
         }
         Ok(())
     }
@@ -176,7 +175,7 @@ impl ProgressLines {
     /// Clears the line.
     pub(super) fn end(&mut self) {
         if self.shown.take().is_some() && std::io::stderr().is_terminal() {
-            eprint!("\r\x1b[2K");
+            say_aside("\r\x1b[2K");
         }
     }
 
@@ -193,10 +192,9 @@ impl ProgressLines {
         let due = self.shown.as_ref().map_or(job.elapsed >= pause, |(last, at)| *last != text && at.elapsed() >= pause);
         if due {
             if terminal {
-                eprint!("\r\x1b[2K{text}");
-                let _ = std::io::stderr().flush();
+                say_aside(&format!("\r\x1b[2K{text}"));
             } else {
-                eprintln!("{text}");
+                say_aside(&format!("{text}\n"));
             }
             self.shown = Some((text, Instant::now()));
         }

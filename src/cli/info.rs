@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::args::InfoArgs;
 use super::drive::Driver;
-use super::print::{say, say_json};
+use super::print::{say, say_json, warn};
 use crate::frames::{Frame, missing_sources};
 use crate::session::{MaskOrigin, Project, ResultKind};
 
@@ -24,12 +24,12 @@ pub(super) fn info(args: &InfoArgs) -> Result<()> {
 
 fn warn_of_missing(missing: &[&Path]) {
     if let Some(first) = missing.first() {
-        eprintln!(
-            "warning: {} source files of the frames are missing, the first is {}; if they were moved, run 'ostra relocate \
+        warn(&format!(
+            "{} source files of the frames are missing, the first is {}; if they were moved, run 'ostra relocate \
              PROJECT OLD_FOLDER NEW_FOLDER'",
             missing.len(),
             first.display()
-        );
+        ));
     }
 }
 

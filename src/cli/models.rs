@@ -3,7 +3,7 @@ use std::path::Path;
 use anyhow::Result;
 
 use super::args::ModelsVerb;
-use super::print::say;
+use super::print::{printable, say, say_aside};
 use super::stop;
 use crate::session::{Added, CheckedFile, Fetched, Proof, Row, add_model, check_model, install_model, list_models};
 
@@ -31,7 +31,7 @@ fn progress() -> impl FnMut(Fetched<'_>) -> bool {
         if last.0 != now.what || now.bytes >= last.1 + SAID_EVERY {
             let of = now.of.map_or(String::new(), |bytes| format!(" of {:.1}", bytes as f64 / 1e6));
             let there = (now.bytes > 0 || now.of.is_some()).then(|| format!(": {:.1}{of} MB", now.bytes as f64 / 1e6));
-            eprintln!("{}{}", now.what, there.unwrap_or_default());
+            say_aside(&printable(&format!("{}{}\n", now.what, there.unwrap_or_default())));
             last = (now.what.to_owned(), now.bytes);
         }
         !stop::is_requested()

@@ -30,7 +30,14 @@ pub(super) fn say_json(value: &impl Display) {
 
 /// Prints something that the user should look at, on standard error.
 pub(super) fn warn(text: &str) {
-    eprintln!("warning: {}", one_line(text));
+    say_aside(&format!("warning: {}\n", one_line(text)));
+}
+
+/// Writes to standard error as it is. Where that fails (a full disk, a reader that has gone away) the work goes on: only
+/// words are lost.
+pub(super) fn say_aside(text: &str) {
+    let mut out = std::io::stderr().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 
 /// A message on one line of bounded length, without characters that would steer a terminal.

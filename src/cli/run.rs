@@ -6,7 +6,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches};
 
 use super::args::{Cli, Verb};
 use super::drive::Driver;
-use super::print::{finish, one_line, say};
+use super::print::{finish, one_line, say, say_aside};
 use super::{demo, doubt, eval, export, info, instances, masks, models, project, range, shot, sources, stop};
 use crate::session::{Command, Provider, Recipe};
 
@@ -24,11 +24,11 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         // A command that Ctrl+C ended may report what it met on the way, such as a helper program that ended too.
         Err(_) if stop::is_requested() => {
-            eprintln!("ostra: {}", stop::Interrupted);
+            say_aside(&format!("ostra: {}\n", stop::Interrupted));
             ExitCode::from(stop::EXIT_CODE)
         }
         Err(error) => {
-            eprintln!("ostra: {}", one_line(&format!("{error:#}")));
+            say_aside(&format!("ostra: {}\n", one_line(&format!("{error:#}"))));
             ExitCode::FAILURE
         }
     }

@@ -21,10 +21,10 @@ pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     let frames = &driver.project()?.frames;
     let orbit = default_view(model.points(), frames, width as f32 / height as f32).ok_or(ViewError::Empty)?;
     let portrait = Portrait::new(model, orbit, style, height);
-    ExportTargets::begin_files([args.out.as_path()])?;
-    write_png(&args.out, &portrait.draw(args.size, 0.0, args.transparent), args.transparent)
-        .with_context(|| format!("{}: no picture was written", args.out.display()))?;
-    ExportTargets::note_files([args.out.as_path()])?;
+    ExportTargets::write_files(std::slice::from_ref(&args.out), || {
+        write_png(&args.out, &portrait.draw(args.size, 0.0, args.transparent), args.transparent)
+            .with_context(|| format!("{}: no image was written", args.out.display()))
+    })?;
     turntable(args, &mut driver, portrait)
 }
 

@@ -2,6 +2,7 @@ use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use super::print::say_aside;
 use crate::engine::{disk, programs};
 
 /// Ctrl+C was pressed; what was finished is kept.
@@ -50,7 +51,7 @@ fn exit() -> ! {
     programs::kill_children();
     disk::remove_unfinished();
     let line_start = if std::io::stderr().is_terminal() { "\r\x1b[2K" } else { "" };
-    eprintln!("{line_start}ostra: {Interrupted}");
+    say_aside(&format!("{line_start}ostra: {Interrupted}\n"));
     // Not `std::process::exit`: it runs the cleanup of loaded libraries while other threads still use them.
     signal_hook::low_level::exit(EXIT_CODE.into())
 }

@@ -8,6 +8,9 @@ use super::header::{next_marker, read_bytes};
 /// The chunk that closes a PNG.
 const PNG_END: [u8; 12] = [0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xae, 0x42, 0x60, 0x82];
 
+/// An image file with more chunks is refused: walking over them would take long.
+const MAX_CHUNKS: usize = 1 << 20;
+
 /// Whether an image file reaches its end, found without decoding it and without reading it into memory; always for TIFF,
 /// which has no end.
 pub(super) fn is_complete(reader: &mut BufReader<File>, format: ImageFormat) -> std::io::Result<bool> {
@@ -68,28 +71,38 @@ fn has_jpeg_end(jpeg: &mut (impl BufRead + Seek)) -> std::io::Result<bool> {
 
 /// Whether the lossy frames of a WebP file are not larger than the image. Decoders compare the sizes only after they have
 /// decoded a frame, which may be as large as 16383 × 16383 pixels in a file of 100 bytes.
-pub(super) fn webp_frames_fit(reader: &mut (impl Read + Seek), width: u32, height: u32) -> std::io::Result<bool> {
+pub(super) fn webp_frames_fit(reader: &mut BufReader<File>, width: u32, height: u32) -> std::io::Result<bool> {
     let end = reader.seek(SeekFrom::End(0))?;
-    let mut at = 12;
-    while at + 8 <= end {
-        reader.seek(SeekFrom::Start(at))?;
+    let mut at = reader.seek(SeekFrom::Start(12))?;
+    for _ in 0..MAX_CHUNKS {
+        if at + 8 > end {
+            return Ok(true);
+        }
         let [kind @ .., l0, l1, l2, l3] = read_bytes::<8>(reader)?;
+        at += 8;
         let length = u64::from(u32::from_le_bytes([l0, l1, l2, l3]));
+        let (mut skipped, mut taken) = (length + length % 2, 0);
         match &kind {
             // The chunks of an animation's frame follow after its place and duration.
-            b"ANMF" => at += 8 + 16,
-            b"VP8 " if at + 18 <= end => {
+            b"ANMF" => skipped = 16,
+            b"VP8 " if at + 10 <= end => {
                 let [_, _, _, _, _, _, w0, w1, h0, h1] = read_bytes::<10>(reader)?;
                 let side = |low, high| u32::from(u16::from_le_bytes([low, high]) & 0x3fff);
                 if side(w0, w1) > width || side(h0, h1) > height {
                     return Ok(false);
                 }
-                at += 8 + length + length % 2;
+                taken = 10;
             }
-            _ => at += 8 + length + length % 2,
+            _ => {}
         }
+        at += skipped;
+        reader.seek_relative(skipped as i64 - taken)?;
     }
-    Ok(true)
+    Err(too_many_chunks())
+}
+
+fn too_many_chunks() -> std::io::Error {
+    std::io::Error::new(ErrorKind::InvalidData, format!("it has more than {MAX_CHUNKS} chunks"))
 }
 
 fn ends_with(reader: &mut BufReader<File>, end: &[u8]) -> std::io::Result<bool> {
@@ -104,18 +117,20 @@ fn ends_with(reader: &mut BufReader<File>, end: &[u8]) -> std::io::Result<bool> 
 /// Walks over the chunks of a PNG that something else follows.
 fn has_png_end(reader: &mut BufReader<File>) -> std::io::Result<bool> {
     let length = reader.seek(SeekFrom::End(0))?;
-    let mut at = 8;
-    while at + 12 <= length {
-        reader.seek(SeekFrom::Start(at))?;
-        let mut head = [0; 8];
-        reader.read_exact(&mut head)?;
-        let [l3, l2, l1, l0, kind @ ..] = head;
-        at += 12 + u64::from(u32::from_be_bytes([l3, l2, l1, l0]));
+    let mut at = reader.seek(SeekFrom::Start(8))?;
+    for _ in 0..MAX_CHUNKS {
+        if at + 12 > length {
+            return Ok(false);
+        }
+        let [l3, l2, l1, l0, kind @ ..] = read_bytes::<8>(reader)?;
+        let rest = u64::from(u32::from_be_bytes([l3, l2, l1, l0])) + 4; // with the checksum
+        at += 8 + rest;
         if kind == *b"IEND" {
             return Ok(at <= length);
         }
+        reader.seek_relative(rest as i64)?;
     }
-    Ok(false)
+    Err(too_many_chunks())
 }
 
 #[cfg(test)]
@@ -142,6 +157,22 @@ mod tests {
                 assert!(!complete(&whole[..end], format), "{format:?} cut at {end}");
             }
         }
+    }
+
+    #[test]
+    fn files_of_countless_chunks_are_refused() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let open = |start: &[u8], chunk: &[u8]| {
+            std::fs::write(file.path(), [start, &chunk.repeat(MAX_CHUNKS + 9), b"more"].concat()).unwrap();
+            BufReader::new(File::open(file.path()).unwrap())
+        };
+        let png = is_complete(&mut open(b"\x89PNG\r\n\x1a\n", b"\0\0\0\0tEXt\0\0\0\0"), ImageFormat::Png);
+        assert!(png.unwrap_err().to_string().contains("chunks"));
+        let webp = webp_frames_fit(&mut open(b"RIFF\xff\xff\xff\x7fWEBP", b"XXXX\0\0\0\0"), 4, 4);
+        assert!(webp.unwrap_err().to_string().contains("chunks"));
+        let wide = [b"XXXX\x03\0\0\0....VP8 \x0a\0\0\0", &[0; 6][..], &[9, 0, 4, 0]].concat();
+        let fits = |width: u32| webp_frames_fit(&mut open(&[b"RIFF\0\0\0\0WEBP", &wide[..]].concat(), b""), width, 4);
+        assert!(fits(9).unwrap() && !fits(8).unwrap());
     }
 
     #[test]

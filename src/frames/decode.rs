@@ -5,6 +5,7 @@ use std::path::Path;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::complete::{is_complete_jpeg, webp_frames_fit};
+use super::float_colors::{to_bytes, white_of};
 use super::header::{Content, Header, cannot_decode, cut_off, damaged, format_of, header_in, open};
 use super::tiff_samples::read_depth_samples;
 use super::turn::turn;
@@ -31,7 +32,13 @@ pub(super) type CheckSize<'a> = &'a dyn Fn((u32, u32)) -> Result<(), FrameError>
 
 /// Decodes an image file and turns it upright. Transparent pixels are grey.
 pub(super) fn decode_picture(path: &Path, orientation: Orientation, check: CheckSize<'_>) -> Result<Image, FrameError> {
-    let pixels = Source::open(path, orientation, check)?.read::<[u8; 3]>(|decoder| {
+    let source = Source::open(path, orientation, check)?;
+    if source.header.content.is_float_color() {
+        let (size, pixels) = source.read_float_colors()?;
+        let pixels = pixels.into_iter().map(over_grey).collect();
+        return Ok(Image { width: size.0, height: size.1, pixels });
+    }
+    let pixels = source.read::<[u8; 3]>(|decoder| {
         let size = decoder.dimensions();
         match decoder.color_type() {
             ColorType::Rgb8 => {
@@ -53,6 +60,21 @@ pub(super) fn decode_picture(path: &Path, orientation: Orientation, check: Check
     Ok(Image { width, height, pixels: pixels.values })
 }
 
+/// The value of white in an image whose colours are floats. Decodes the image.
+pub(super) fn float_white(path: &Path) -> Result<f32, FrameError> {
+    let source = Source::open(path, Orientation::default(), &|_| Ok(()))?;
+    let pixels = source.read(float_colors)?;
+    white_of(&pixels.values).map_err(|what| FrameError::Invalid { path: path.into(), what })
+}
+
+fn float_colors(decoder: Box<dyn ImageDecoder + '_>) -> image::ImageResult<Vec<[f32; 4]>> {
+    let image = DynamicImage::from_decoder(decoder)?;
+    Ok(match image {
+        DynamicImage::ImageRgba32F(image) => image.pixels().map(|pixel| pixel.0).collect(),
+        image => image.into_rgb32f().pixels().map(|pixel| [pixel[0], pixel[1], pixel[2], 1.0]).collect(),
+    })
+}
+
 /// Which pixels of an image, turned upright, are opaque and not next to a transparent one; `None` for an image that is
 /// opaque everywhere.
 pub(super) fn opaque_pixels(
@@ -61,17 +83,25 @@ pub(super) fn opaque_pixels(
     check: CheckSize<'_>,
 ) -> Result<Option<Vec<bool>>, FrameError> {
     let source = Source::open(path, orientation, check)?;
-    if source.header.content != Content::ColorAlpha {
+    let is_opaque = |pixel: [u8; 4]| pixel[3] >= 128;
+    let (size, opaque): (_, Vec<bool>) = match source.header.content {
+        Content::ColorAlpha => {
+            let opaque = source.read(|decoder| {
+                let image = DynamicImage::from_decoder(decoder)?.into_rgba8();
+                Ok(image.pixels().map(|pixel| is_opaque(pixel.0)).collect())
+            })?;
+            (opaque.size, opaque.values)
+        }
+        Content::FloatColorAlpha => {
+            let (size, pixels) = source.read_float_colors()?;
+            (size, pixels.into_iter().map(is_opaque).collect())
+        }
+        _ => return Ok(None),
+    };
+    if opaque.iter().all(|&opaque| opaque) {
         return Ok(None);
     }
-    let opaque = source.read(|decoder| {
-        let image = DynamicImage::from_decoder(decoder)?.into_rgba8();
-        Ok(image.pixels().map(|pixel| pixel.0[3] >= 128).collect::<Vec<bool>>())
-    })?;
-    if opaque.values.iter().all(|&opaque| opaque) {
-        return Ok(None);
-    }
-    Ok(Some(shrunk(&opaque.values, opaque.size.0 as usize)))
+    Ok(Some(shrunk(&opaque, size.0 as usize)))
 }
 
 /// Decodes a depth image to world units and turns it upright; what means an unknown depth becomes 0.
@@ -184,6 +214,14 @@ impl<'a> Source<'a> {
             Ok(values) => Ok(self.upright(values)),
             Err(error) => Err(cannot_decode(&mut self.reader, self.path, self.format, &error)),
         }
+    }
+
+    /// The size as shown and the pixels of an image whose colours are floats.
+    fn read_float_colors(self) -> Result<((u32, u32), Vec<[u8; 4]>), FrameError> {
+        let path = self.path;
+        let pixels = self.read(float_colors)?;
+        let bytes = to_bytes(&pixels.values).map_err(|what| FrameError::Invalid { path: path.into(), what })?;
+        Ok((pixels.size, bytes))
     }
 
     fn read_tiff(mut self, in_world: impl Fn(f64) -> f32) -> Result<Upright<f32>, FrameError> {

@@ -31,6 +31,10 @@ pub(super) enum Content {
     Color,
     /// Colours or grey, with an alpha channel.
     ColorAlpha,
+    /// Colours as floats.
+    FloatColor,
+    /// Colours as floats, with an alpha channel.
+    FloatColorAlpha,
     /// One channel of 16-bit unsigned integers: a grey image, or depth.
     Grey16,
     /// One channel of integers that only depth can be: signed, or of 32 bits.
@@ -50,6 +54,18 @@ pub(super) struct Header {
     pub orientation: Orientation,
     /// What its pixels hold.
     pub content: Content,
+}
+
+impl Content {
+    /// Whether pixels can be transparent.
+    pub fn has_alpha(self) -> bool {
+        matches!(self, Self::ColorAlpha | Self::FloatColorAlpha)
+    }
+
+    /// Whether colours are floats.
+    pub fn is_float_color(self) -> bool {
+        matches!(self, Self::FloatColor | Self::FloatColorAlpha)
+    }
 }
 
 impl Header {
@@ -141,9 +157,7 @@ pub(super) fn format_of(reader: &mut BufReader<File>, path: &Path) -> Result<Ima
     if start.starts_with(b"II\x2b\0") || start.starts_with(b"MM\0\x2b") {
         return Ok(ImageFormat::Tiff); // BigTIFF
     }
-    if let Some(b"heic" | b"heix" | b"heim" | b"heis" | b"hevc" | b"mif1" | b"msf1" | b"avif") = start.get(8..12)
-        && start.get(4..8) == Some(b"ftyp".as_slice())
-    {
+    if is_heif(start) {
         return invalid(format!("this is a HEIC or AVIF image, not {FORMATS}; convert it, e.g. with heif-convert"));
     }
     match image::guess_format(start) {
@@ -152,13 +166,35 @@ pub(super) fn format_of(reader: &mut BufReader<File>, path: &Path) -> Result<Ima
     }
 }
 
-/// Whether a file's first bytes are those of an image.
-pub(super) fn is_picture(path: &Path) -> Result<bool, FrameError> {
-    match format_of(&mut open(path)?, path) {
-        Ok(_) => Ok(true),
-        Err(FrameError::Invalid { .. }) => Ok(false),
+/// What a file's first bytes show it to be.
+pub(super) enum FileKind {
+    /// A JPEG, PNG or WebP image.
+    Image,
+    /// A TIFF image, or a file in another format that is built like one.
+    Tiff,
+    /// A HEIC or AVIF image, and the error that says so.
+    Heif(FrameError),
+    /// Not an image that is known.
+    Other,
+}
+
+/// Looks at the first bytes of a file.
+pub(super) fn kind_of_file(path: &Path) -> Result<FileKind, FrameError> {
+    let mut reader = open(path)?;
+    match format_of(&mut reader, path) {
+        Ok(ImageFormat::Tiff) => Ok(FileKind::Tiff),
+        Ok(_) => Ok(FileKind::Image),
+        Err(error @ FrameError::Invalid { .. }) => {
+            let start = reader.fill_buf().map_err(|reason| FrameError::io(path, reason))?;
+            Ok(if is_heif(start) { FileKind::Heif(error) } else { FileKind::Other })
+        }
         Err(error) => Err(error),
     }
+}
+
+fn is_heif(start: &[u8]) -> bool {
+    let brands = [b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1", b"avif"];
+    start.get(4..8) == Some(b"ftyp".as_slice()) && brands.iter().any(|brand| start.get(8..12) == Some(brand.as_slice()))
 }
 
 /// The error for a file that a decoder refused: an unsupported variant is distinguished from damage.
@@ -202,6 +238,8 @@ fn header_of(mut decoder: impl ImageDecoder) -> image::ImageResult<Header> {
     let orientation = Orientation(decoder.orientation()?.to_exif());
     let content = match decoder.color_type() {
         ColorType::L16 => Content::Grey16,
+        ColorType::Rgb32F => Content::FloatColor,
+        ColorType::Rgba32F => Content::FloatColorAlpha,
         color if color.has_alpha() => Content::ColorAlpha,
         _ => Content::Color,
     };

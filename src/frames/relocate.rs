@@ -16,42 +16,6 @@ pub fn missing_sources(frames: &[Frame]) -> Vec<&Path> {
     missing
 }
 
-/// Points all sources below `old_root` (a folder or a film) to `new_root`, where they were moved. Returns how many
-/// frames changed.
-///
-/// # Errors
-/// [`FrameError::NotFound`] when no frame comes from `old_root` or a file is not at the new place; then nothing changes.
-pub fn relocate(frames: &mut [Frame], old_root: &Path, new_root: &Path) -> Result<usize, FrameError> {
-    let new_root = new_root.canonicalize().map_err(|source| FrameError::io(new_root, source))?;
-    let moved = |path: &Path| path.strip_prefix(old_root).ok().map(|rest| joined(&new_root, rest));
-    for path in frames.iter().flat_map(sources) {
-        if let Some(new) = moved(path).filter(|new| !new.exists()) {
-            return Err(FrameError::NotFound(format!(
-                "{}: not there, so {} cannot be replaced by {}; give the folder that holds the same files",
-                new.display(),
-                old_root.display(),
-                new_root.display()
-            )));
-        }
-    }
-    let mut count = 0;
-    for frame in frames {
-        let mut changed = false;
-        let depth = frame.depth.as_mut().and_then(DepthSource::sensor_path_mut);
-        for path in [Some(frame.picture.path_mut()), depth].into_iter().flatten() {
-            if let Some(new) = moved(path) {
-                (*path, changed) = (new, true);
-            }
-        }
-        count += usize::from(changed);
-    }
-    if count == 0 {
-        let old_root = old_root.display();
-        return Err(FrameError::NotFound(format!("no frame comes from {old_root}; give the folder the project names")));
-    }
-    Ok(count)
-}
-
 /// The files that a frame is read from: its image or video, then the image of its sensor's depth.
 pub fn sources(frame: &Frame) -> impl Iterator<Item = &Path> {
     let depth = frame.depth.as_ref().and_then(DepthSource::sensor_path);
@@ -102,8 +66,4 @@ fn source_orientation(frame: &Frame, place: usize) -> Option<Orientation> {
         (_, PictureSource::File { orientation, .. }) => Some(*orientation),
         (_, PictureSource::Film { .. }) => None,
     }
-}
-
-fn joined(root: &Path, rest: &Path) -> PathBuf {
-    if rest.as_os_str().is_empty() { root.into() } else { root.join(rest) }
 }

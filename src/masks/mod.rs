@@ -39,7 +39,7 @@ pub use edit::{
 pub use error::MaskError;
 pub use formats::{
     Imported, MaskFormat, MaskFrame, encode_palette_png, export_masks, file_stems, import_masks, read_labels_json,
-    read_palette_png, write_labels_json,
+    read_palette_png, read_palette_png_of, write_labels_json,
 };
 pub(crate) use lab::{lab_of_pixel, squared_difference};
 pub use label::{Label, LabelId};

@@ -82,8 +82,9 @@ impl LabelledCloud {
         }
     }
 
-    /// Multiplies all positions by a factor above 0, about the origin of the world.
+    /// Multiplies all global positions by a factor above 0: those relative to the origin, and the origin.
     pub fn scale_by(&mut self, factor: f64) {
+        self.origin *= factor;
         for position in &mut self.positions {
             *position = (position.as_dvec3() * factor).as_vec3();
         }

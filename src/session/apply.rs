@@ -148,9 +148,9 @@ impl Project {
     }
 
     fn set_camera(&mut self, frame: usize, camera: Option<FrameCamera>) -> Result<Edit> {
-        let name = &self.frame(frame)?.name;
+        let of = self.frame(frame)?;
         if let Some(camera) = &camera {
-            check_camera(name, camera)?;
+            check_camera(of, camera)?;
         }
         let place = &mut Arc::make_mut(&mut self.frames)[frame].camera;
         Ok(Edit::SetCamera { frame, camera: std::mem::replace(place, camera) })
@@ -227,7 +227,7 @@ fn check_frame(frame: &Frame) -> Result<()> {
     if let crate::frames::PictureSource::Film { time_s, .. } = frame.picture {
         ensure!(time_s.is_finite(), "{name}: its time in the film is not a finite number");
     }
-    frame.camera.as_ref().map_or(Ok(()), |camera| check_camera(name, camera))
+    frame.camera.as_ref().map_or(Ok(()), |camera| check_camera(frame, camera))
 }
 
 fn check_depth(name: &str, depth: &DepthSource) -> Result<()> {
@@ -235,8 +235,10 @@ fn check_depth(name: &str, depth: &DepthSource) -> Result<()> {
     ensure!(unit.is_finite() && *unit > 0.0, "{name}: the depth unit must be a number above 0");
     match depth {
         DepthSource::Made { made, .. } => {
-            let inside = made.components().all(|part| matches!(part, Component::Normal(_)));
-            ensure!(inside, "{name}: {}: its depth map must lie in the project's folder", made.display());
+            // Of the project's own folders it is known that no link in them leads elsewhere.
+            let is_own = made.components().all(|part| matches!(part, Component::Normal(_)))
+                && ["versions", "depths"].iter().any(|own| made.starts_with(own));
+            ensure!(is_own, "{name}: {}: its depth map must lie among those of the project", made.display());
         }
         DepthSource::Sensor { camera, .. } => {
             let finite = |camera: &DepthCamera| is_finite(&camera.intrinsics, Some(&camera.picture_from_depth));
@@ -247,9 +249,19 @@ fn check_depth(name: &str, depth: &DepthSource) -> Result<()> {
     Ok(())
 }
 
-fn check_camera(name: &str, camera: &FrameCamera) -> Result<()> {
-    let finite = is_finite(&camera.intrinsics, camera.camera_from_world.as_ref());
+/// What is refused here could be written into the journal but not read again.
+fn check_camera(frame: &Frame, camera: &FrameCamera) -> Result<()> {
+    let (name, intrinsics) = (&frame.name, &camera.intrinsics);
+    let finite = is_finite(intrinsics, camera.camera_from_world.as_ref());
     ensure!(finite, "{name}: its camera has a value that is not a finite number; repair the camera file");
+    ensure!(
+        (intrinsics.width, intrinsics.height) == (frame.width, frame.height),
+        "{name}: its camera is for {} × {} pixels but the image has {} × {}; give the camera of this image",
+        intrinsics.width,
+        intrinsics.height,
+        frame.width,
+        frame.height
+    );
     Ok(())
 }
 

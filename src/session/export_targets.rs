@@ -17,6 +17,9 @@ pub const RECORD: &str = ".ostra-exports.json";
 /// What systems put into every folder that is looked at; no work of the user's.
 const SYSTEM_FILES: [&str; 4] = [".DS_Store", "Thumbs.db", "desktop.ini", RECORD];
 
+/// How the user replaces exports that may hold work of others.
+const HOW: &str = "by --overwrite ('Replace changed exports' in the window)";
+
 /// The places that an export must not touch, and whether it may replace an earlier one.
 #[derive(Debug, Clone, Default)]
 pub struct ExportTargets {
@@ -66,18 +69,45 @@ impl Exported {
     }
 }
 
+/// A file as it is: another file in its place, or a change, makes another stamp.
+#[derive(Debug, PartialEq, Eq)]
+struct Stamp {
+    id: FileId,
+    exported: Exported,
+}
+
+impl Stamp {
+    fn of(path: &Path) -> Option<Self> {
+        Some(Self { id: FileId::of(path)?, exported: Exported::of(&fs::symlink_metadata(path).ok()?) })
+    }
+}
+
+/// What is known of a file in a folder of exports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Known {
+    /// It is as OSTRA exported it.
+    Unchanged,
+    /// OSTRA exported it, and it was changed since.
+    Changed,
+    /// An export that was killed may have written it; so may anybody since.
+    Interrupted,
+}
+
 /// The exported files of a folder, by their path below it with `/`.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct ExportRecord {
     files: BTreeMap<String, Exported>,
-    /// Files that an export writes now or was writing when it was ended, with the time it began; [`WHOLE_FOLDER`] stands for
-    /// all files of the folder.
+    /// Files that an export writes now or was writing when it was killed, with the time it began; [`WHOLE_FOLDER`] stands
+    /// for all files of the folder.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pending: BTreeMap<String, u128>,
 }
 
 /// The name under which a whole folder is pending.
 const WHOLE_FOLDER: &str = "";
+
+/// A larger record is not read; one of a million files takes a sixth of it.
+const MAX_BYTES: u64 = 1 << 30;
 
 /// The clock of a file system may lag behind the system's; before an export nothing of its names was there.
 const CLOCK_LAG: Duration = Duration::from_secs(1);
@@ -86,8 +116,8 @@ impl ExportRecord {
     /// Reads the record of a folder; without one, or with one that cannot be read, nothing counts as exported.
     #[must_use]
     pub fn read(folder: &Path, name: &str) -> Self {
-        let bytes = fs::read(folder.join(name)).unwrap_or_default();
-        serde_json::from_slice(&bytes).unwrap_or_default()
+        let text = disk::read_text_up_to(&folder.join(name), MAX_BYTES).unwrap_or_default();
+        serde_json::from_str(&text).unwrap_or_default()
     }
 
     /// Writes the record into the folder.
@@ -100,13 +130,6 @@ impl ExportRecord {
             .with_context(|| format!("{}: cannot be written; check permissions and free space", path.display()))
     }
 
-    fn begin(&self, folder: &Path) -> Result<()> {
-        fs::create_dir_all(folder)
-            .with_context(|| format!("{}: cannot be made; check permissions", folder.display()))?;
-        disk::remove_leftovers(folder, true);
-        self.write(folder, RECORD)
-    }
-
     /// Adds a file of the folder as it is now.
     pub fn add(&mut self, folder: &Path, file: &Path) {
         if let (Some(name), Ok(found)) = (name_below(folder, file), fs::metadata(file)) {
@@ -114,19 +137,21 @@ impl ExportRecord {
         }
     }
 
-    /// Whether OSTRA wrote this file of the folder, and if so, whether it is unchanged since.
+    /// What is known of this file of the folder; `None` for a file that OSTRA did not write.
     #[must_use]
-    pub fn is_unchanged(&self, folder: &Path, file: &Path) -> Option<bool> {
+    pub fn known(&self, folder: &Path, file: &Path) -> Option<Known> {
         let name = name_below(folder, file)?;
-        let began = self.pending.get(&name).or_else(|| self.pending.get(WHOLE_FOLDER));
-        if let (Some(&began), Ok(found)) = (began, fs::symlink_metadata(file))
-            && found.is_file()
-            && Exported::of(&found).modified_ns >= began
-        {
-            return Some(true);
+        let found = fs::symlink_metadata(file).ok().filter(Metadata::is_file).map(|found| Exported::of(&found));
+        if found.is_some() && self.files.get(&name) == found.as_ref() {
+            return Some(Known::Unchanged);
         }
-        let exported = self.files.get(&name)?;
-        Some(fs::symlink_metadata(file).is_ok_and(|found| found.is_file() && Exported::of(&found) == *exported))
+        let began = self.pending.get(&name).or_else(|| self.pending.get(WHOLE_FOLDER));
+        if let (Some(began), Some(found)) = (began, &found)
+            && found.modified_ns >= *began
+        {
+            return Some(Known::Interrupted);
+        }
+        self.files.contains_key(&name).then_some(Known::Changed)
     }
 }
 
@@ -144,13 +169,17 @@ impl ExportTargets {
     /// What an export of this project must not touch; `root` is the project's folder.
     #[must_use]
     pub fn of(project: &Project, root: Option<&Path>, overwrite: bool) -> Self {
+        let mut paths: Vec<&Path> = Vec::new();
         let mut sources = BTreeMap::new();
         for frame in &*project.frames {
             let depth = frame.depth.as_ref().and_then(|depth| depth.sensor_path());
-            for path in [Some(frame.picture.path()), depth].into_iter().flatten() {
-                if let Some(id) = FileId::of(path) {
-                    sources.entry(id).or_insert_with(|| path.to_owned());
-                }
+            paths.extend([Some(frame.picture.path()), depth].into_iter().flatten());
+        }
+        let requests = project.results.values().filter_map(|record| record.request.as_ref());
+        paths.extend(requests.filter_map(|request| request.onto.as_deref()));
+        for path in paths {
+            if let Some(id) = FileId::of(path) {
+                sources.entry(id).or_insert_with(|| path.to_owned());
             }
         }
         let root = root.map(|root| root.canonicalize().unwrap_or_else(|_| root.to_owned()));
@@ -188,11 +217,14 @@ impl ExportTargets {
             let what = if found.is_dir() { "a folder" } else { "a link or a device, not a regular file" };
             bail!("{}: is {what}; choose another name", file.display());
         }
-        match record.is_unchanged(folder, file) {
-            Some(true) => Ok(()),
-            Some(false) if self.overwrite => Ok(()),
-            Some(false) => bail!(
-                "{}: was changed since it was exported; choose another name, or give --overwrite to replace it",
+        match record.known(folder, file) {
+            Some(Known::Unchanged) => Ok(()),
+            Some(_) if self.overwrite => Ok(()),
+            Some(Known::Changed) => {
+                bail!("{}: was changed since it was exported; choose another name, or replace it {HOW}", file.display())
+            }
+            Some(Known::Interrupted) => bail!(
+                "{}: an interrupted export may have left it; choose another name, or replace it {HOW}",
                 file.display()
             ),
             None if found.len() == 0 => Ok(()),
@@ -218,9 +250,9 @@ impl ExportTargets {
         let (mut others, mut changed) = (Vec::new(), Vec::new());
         for file in files_below(folder)? {
             self.check_source(&file)?;
-            match record.is_unchanged(folder, &file) {
-                Some(true) => {}
-                Some(false) => changed.push(file),
+            match record.known(folder, &file) {
+                Some(Known::Unchanged) => {}
+                Some(known) => changed.push((file, known)),
                 None => others.push(file),
             }
         }
@@ -232,9 +264,13 @@ impl ExportTargets {
                 first.display()
             );
         }
-        if let Some(first) = changed.first().filter(|_| !self.overwrite) {
+        if let Some((first, known)) = changed.first().filter(|_| !self.overwrite) {
+            let what = match known {
+                Known::Interrupted => "left by an interrupted export, or put there since",
+                _ => "changed since the export",
+            };
             bail!(
-                "{}: {} changed since the export ({}); choose another folder, or give --overwrite to replace them",
+                "{}: {} {what} ({}); choose another folder, or replace them {HOW}",
                 folder.display(),
                 count(changed.len()),
                 first.display()
@@ -270,59 +306,115 @@ impl ExportTargets {
         }
     }
 
-    /// Notes that these files are about to be written, so that what an export leaves that is ended can be replaced.
+    /// Exports files by `write`, which may leave some of them out. Its targets must have been checked. Those that it wrote
+    /// are known as exports afterwards, also where it failed.
     ///
     /// # Errors
-    /// When a folder cannot be made or the record cannot be written.
-    pub fn begin_files<'a>(files: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-        let mut records: BTreeMap<&Path, ExportRecord> = BTreeMap::new();
-        for file in files {
-            let folder = folder_of(file);
-            let record = records.entry(folder).or_insert_with(|| ExportRecord::read(folder, RECORD));
-            record.pending.extend(name_below(folder, file).map(|name| (name, now_ns())));
-        }
-        records.into_iter().try_for_each(|(folder, record)| record.begin(folder))
+    /// What `write` says; when a folder cannot be made or what was exported cannot be noted.
+    pub fn write_files<T>(files: &[PathBuf], write: impl FnOnce() -> Result<T>) -> Result<T> {
+        Self::write_all(files, &[], write).map(|(written, _)| written)
     }
 
-    /// Notes that a folder is about to be written, as [`Self::begin_files`].
+    /// As [`Self::write_files`], with folders besides. Where it succeeds, what an earlier export left in these folders and
+    /// this one did not replace is removed; how many files of which folder is returned as warnings.
     ///
     /// # Errors
-    /// When the folder cannot be made or the record cannot be written.
-    pub fn begin_folder(folder: &Path) -> Result<()> {
+    /// As [`Self::write_files`].
+    pub fn write_all<T>(
+        files: &[PathBuf],
+        folders: &[PathBuf],
+        write: impl FnOnce() -> Result<T>,
+    ) -> Result<(T, Vec<String>)> {
+        let before = stamps(files.iter().cloned());
+        let folders = begin(files, folders)?;
+        let written = write();
+        let ended = end(files, &before, &folders, written.is_ok());
+        let written = written?;
+        Ok((written, ended?))
+    }
+}
+
+fn stamps(files: impl IntoIterator<Item = PathBuf>) -> BTreeMap<PathBuf, Stamp> {
+    files.into_iter().filter_map(|file| Stamp::of(&file).map(|stamp| (file, stamp))).collect()
+}
+
+/// The records of the folders that these files are in.
+fn records_of(files: &[PathBuf]) -> BTreeMap<&Path, ExportRecord> {
+    files.iter().map(|file| folder_of(file)).map(|folder| (folder, ExportRecord::read(folder, RECORD))).collect()
+}
+
+/// A folder that is exported into, and what was in it.
+type BegunFolder<'a> = (&'a Path, BTreeMap<PathBuf, Stamp>);
+
+/// Notes what is about to be written, so that it is known what an export that is killed may have left.
+fn begin<'a>(files: &[PathBuf], folders: &'a [PathBuf]) -> Result<Vec<BegunFolder<'a>>> {
+    let make = |folder: &Path| {
+        fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made; check permissions", folder.display()))
+    };
+    let mut records = records_of(files);
+    for file in files {
+        let folder = folder_of(file);
+        let record = records.entry(folder).or_default();
+        record.pending.extend(name_below(folder, file).map(|name| (name, now_ns())));
+    }
+    for (folder, record) in records {
+        make(folder)?;
+        disk::remove_leftovers(folder, false);
+        record.write(folder, RECORD)?;
+    }
+    let begin_folder = |folder: &'a PathBuf| -> Result<BegunFolder<'a>> {
+        make(folder)?;
+        disk::remove_leftovers(folder, true);
         let mut record = ExportRecord::read(folder, RECORD);
         record.pending.insert(WHOLE_FOLDER.to_owned(), now_ns());
-        record.begin(folder)
-    }
+        record.write(folder, RECORD)?;
+        Ok((folder, stamps(files_below(folder)?)))
+    };
+    folders.iter().map(begin_folder).collect()
+}
 
-    /// Removes what killed exports left in the folders of these files, and notes the files as exported.
-    ///
-    /// # Errors
-    /// When the record cannot be written.
-    pub fn note_files<'a>(files: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-        let mut records: BTreeMap<&Path, ExportRecord> = BTreeMap::new();
-        for file in files {
-            let folder = folder_of(file);
-            let record = records.entry(folder).or_insert_with(|| ExportRecord::read(folder, RECORD));
+/// Notes what was written: what is not as it was before.
+fn end(
+    files: &[PathBuf],
+    before: &BTreeMap<PathBuf, Stamp>,
+    folders: &[BegunFolder<'_>],
+    is_complete: bool,
+) -> Result<Vec<String>> {
+    let is_written = |before: &BTreeMap<PathBuf, Stamp>, file: &Path| {
+        Stamp::of(file).is_some_and(|stamp| before.get(file) != Some(&stamp))
+    };
+    let mut records = records_of(files);
+    for file in files {
+        let folder = folder_of(file);
+        let record = records.entry(folder).or_default();
+        name_below(folder, file).map(|name| record.pending.remove(&name));
+        if is_written(before, file) {
             record.add(folder, file);
-            name_below(folder, file).map(|name| record.pending.remove(&name));
         }
-        for (folder, record) in records {
-            disk::remove_leftovers(folder, false);
-            record.write(folder, RECORD)?;
-        }
-        Ok(())
     }
-
-    /// Notes all files of a folder as exported: none were there before but earlier exports.
-    ///
-    /// # Errors
-    /// When the record cannot be written.
-    pub fn note_folder(folder: &Path) -> Result<()> {
+    for (folder, record) in records {
+        disk::remove_leftovers(folder, false);
+        record.write(folder, RECORD)?;
+    }
+    let mut warnings = Vec::new();
+    for (folder, before) in folders {
         disk::remove_leftovers(folder, true);
-        let mut record = ExportRecord::default();
-        files_below(folder)?.iter().for_each(|file| record.add(folder, file));
-        record.write(folder, RECORD)
+        let mut record = ExportRecord::read(folder, RECORD);
+        record.pending.remove(WHOLE_FOLDER);
+        let (written, former): (Vec<_>, Vec<_>) =
+            files_below(folder)?.into_iter().partition(|file| is_written(before, file));
+        if is_complete {
+            let removed: Vec<&PathBuf> = former.iter().filter(|file| fs::remove_file(file).is_ok()).collect();
+            record.files.clear();
+            if let Some(first) = removed.first() {
+                let (count, first) = (count(removed.len()), first.display());
+                warnings.push(format!("{}: {count} of an earlier export removed ({first})", folder.display()));
+            }
+        }
+        written.iter().for_each(|file| record.add(folder, file));
+        record.write(folder, RECORD)?;
     }
+    Ok(warnings)
 }
 
 /// Now, less the lag of a file system's clock, in nanoseconds since 1970.
@@ -392,8 +484,7 @@ mod tests {
         let check =
             |overwrite: bool, file: &Path| ExportTargets { overwrite, ..ExportTargets::default() }.check_files([file]);
         check(false, &mine).unwrap();
-        fs::write(&mine, "exported").unwrap();
-        ExportTargets::note_files([mine.as_path()]).unwrap();
+        ExportTargets::write_files(&[mine.clone()], || Ok(fs::write(&mine, "exported")?)).unwrap();
         check(false, &mine).unwrap();
         fs::write(&mine, "exported, and a column of remarks").unwrap();
         assert!(check(false, &mine).unwrap_err().to_string().contains("--overwrite"));
@@ -414,8 +505,8 @@ mod tests {
         targets.check_folder(&folder).unwrap();
         fs::create_dir_all(folder.join("below")).unwrap();
         targets.check_folder(&folder).unwrap();
-        fs::write(folder.join("below/0.png"), "mask").unwrap();
-        ExportTargets::note_folder(&folder).unwrap();
+        let write = || Ok(fs::write(folder.join("below/0.png"), "mask")?);
+        ExportTargets::write_all(&[], std::slice::from_ref(&folder), write).unwrap();
         targets.check_folder(&folder).unwrap();
         fs::write(folder.join("mine.txt"), "mine").unwrap();
         let overwrite = ExportTargets { overwrite: true, ..ExportTargets::default() };
@@ -423,18 +514,57 @@ mod tests {
     }
 
     #[test]
-    fn what_an_ended_export_left_is_replaced() {
+    fn what_an_interrupted_export_left_is_replaced_when_asked() {
         let dir = tempfile::tempdir().unwrap();
         let (file, folder) = (dir.path().join("c.ply"), dir.path().join("masks"));
-        ExportTargets::begin_files([file.as_path()]).unwrap();
-        ExportTargets::begin_folder(&folder).unwrap();
+        let names = ([file.clone()], [folder.clone()]);
+        begin(&names.0, &names.1).unwrap();
         fs::write(&file, "cloud").unwrap();
         fs::write(folder.join("0.png"), "mask").unwrap();
-        ExportTargets::default().check_files([file.as_path()]).unwrap();
-        ExportTargets::default().check_folder(&folder).unwrap();
-        ExportTargets::note_files([file.as_path()]).unwrap();
-        fs::write(&file, "cloud, edited").unwrap();
-        assert!(ExportTargets::default().check_files([file.as_path()]).is_err());
+        for overwrite in [false, true] {
+            let targets = ExportTargets { overwrite, ..ExportTargets::default() };
+            assert_eq!(targets.check_files([file.as_path()]).is_ok(), overwrite);
+            assert_eq!(targets.check_folder(&folder).is_ok(), overwrite);
+        }
+    }
+
+    #[test]
+    fn what_a_failed_export_wrote_is_known_and_the_rest_is_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = |name: &str| dir.path().join(name);
+        let files = [path("c.ply"), path("c_stem.ply")];
+        let folders = [path("masks")];
+        let failed = ExportTargets::write_all(&files, &folders, || -> Result<()> {
+            fs::write(&files[0], "cloud")?;
+            fs::write(folders[0].join("0.png"), "mask")?;
+            bail!("no space")
+        });
+        assert_eq!(failed.unwrap_err().to_string(), "no space");
+        let targets = ExportTargets::default();
+        targets.check_files(files.iter().map(PathBuf::as_path)).unwrap();
+        targets.check_folder(&folders[0]).unwrap();
+        fs::write(&files[1], "the user's").unwrap();
+        fs::write(folders[0].join("notes.txt"), "the user's").unwrap();
+        let overwrite = ExportTargets { overwrite: true, ..targets };
+        assert!(overwrite.check_files([files[1].as_path()]).is_err());
+        assert!(overwrite.check_folder(&folders[0]).is_err());
+    }
+
+    #[test]
+    fn what_an_earlier_export_left_in_a_folder_is_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        let folders = [dir.path().join("model")];
+        let write = |names: &[&str]| {
+            let write = || Ok(names.iter().try_for_each(|name| disk::write(&folders[0].join(name), b"model"))?);
+            ExportTargets::write_all(&[], &folders, write).unwrap().1
+        };
+        assert!(write(&["cameras.bin", "images.bin", "project.ini"]).is_empty());
+        let warnings = write(&["cameras.txt", "images.txt", "project.ini"]);
+        assert!(warnings.len() == 1 && warnings[0].contains("2 files"), "{warnings:?}");
+        let names: Vec<_> =
+            files_below(&folders[0]).unwrap().iter().map(|file| file.file_name().unwrap().to_owned()).collect();
+        assert_eq!(names, ["cameras.txt", "images.txt", "project.ini"]);
+        ExportTargets::default().check_folder(&folders[0]).unwrap();
     }
 
     #[test]

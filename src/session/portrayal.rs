@@ -25,15 +25,14 @@ impl Session {
     pub fn write_picture(
         &mut self,
         path: &Path,
+        overwrite: bool,
         write: impl FnOnce(&Path) -> Result<()> + Send + 'static,
     ) -> Result<JobId> {
-        self.check_export(path, false)?;
+        self.check_export(path, overwrite)?;
         let path = path.to_owned();
         Ok(self.start("Write picture", Kind::Short, move |link| {
             link.progress.stage("draw")?;
-            ExportTargets::begin_files([path.as_path()])?;
-            write(&path)?;
-            ExportTargets::note_files([path.as_path()])?;
+            ExportTargets::write_files(std::slice::from_ref(&path), || write(&path))?;
             Ok(Box::new(move |session: &mut Self| {
                 session.events.push(Event::Notice(format!("picture written to {}", path.display())));
                 Ok(())
@@ -56,9 +55,8 @@ impl Session {
         let path = path.to_owned();
         Ok(self.start("Write film", Kind::Short, move |link| {
             link.progress.stage("write film")?;
-            ExportTargets::begin_files([path.as_path()])?;
-            write_film(&path, &options, draw, &link.progress)?;
-            ExportTargets::note_files([path.as_path()])?;
+            let write = || Ok(write_film(&path, &options, draw, &link.progress)?);
+            ExportTargets::write_files(std::slice::from_ref(&path), write)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.events.push(Event::Notice(format!("film written to {}", path.display())));
                 Ok(())

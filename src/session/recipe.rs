@@ -6,6 +6,9 @@ use anyhow::{Context, Result};
 use super::{Command, Event, Recipe, Session};
 use crate::engine::disk;
 
+/// A larger recipe is not read.
+const MAX_BYTES: u64 = 1 << 30;
+
 /// The commands of a project in its folder, one a line, oldest first, over all sittings.
 const FILE: &str = "recipe.jsonl";
 
@@ -74,7 +77,7 @@ impl Session {
 /// The commands that a project's folder tells of, and an error where that is not all of them.
 fn read(root: &Path) -> (Vec<Command>, Result<()>) {
     let path = root.join(FILE);
-    let text = match std::fs::read(&path) {
+    let text = match disk::read_regular_up_to(&path, MAX_BYTES) {
         // A byte that is no text damages its line only.
         Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
         Err(error) if error.kind() == ErrorKind::NotFound => return (Vec::new(), Ok(())),

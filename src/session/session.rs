@@ -114,6 +114,14 @@ impl Session {
         }
     }
 
+    /// Drops what is only kept to answer sooner: frames made ready for prompts, the geometry of the scene and the cloud. All
+    /// of it comes back when it is asked for.
+    pub(super) fn release_memory(&mut self) {
+        self.prepared = Arc::new(PreparedFrames::new(PREPARED_BYTES));
+        self.geometry = None;
+        self.cloud = CloudSlot::default();
+    }
+
     /// The open project.
     #[must_use]
     pub fn project(&self) -> Option<&Arc<Project>> {

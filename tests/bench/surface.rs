@@ -40,8 +40,14 @@ fn main() {
         let surface = reconstruct_surface(&recording, &options, &Progress::default()).unwrap();
         let seconds = begun.elapsed().as_secs_f64();
         let (tree, onto) = (LabelTree::default(), OntoOptions::default());
-        let voted =
-            vote_seen(&surface.mesh.vertices, &SeenPoints::new(), &recording, &tree, &onto, &Progress::default());
+        let voted = vote_seen(
+            surface.mesh.vertices.clone(),
+            &SeenPoints::new(),
+            &recording,
+            &tree,
+            &onto,
+            &Progress::default(),
+        );
         let (all, labelled) = (begun.elapsed().as_secs_f64(), voted.unwrap().cloud);
         let is_labelled = |label: &&LabelId| **label != LabelId::NONE;
         println!(

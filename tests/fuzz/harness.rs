@@ -8,6 +8,11 @@ use tempfile::TempDir;
 
 use crate::mutate::{Damage, damaged};
 
+/// An input that takes longer is a finding. Inputs take milliseconds; a busy machine does not bring them there.
+const HANG: Duration = Duration::from_secs(5);
+/// Memory of the whole process above which there is a finding.
+const MAX_MB: u64 = 1000;
+
 /// A valid file of some format: where it is placed, and its content.
 #[derive(Clone)]
 pub struct Seed {
@@ -44,10 +49,18 @@ impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
     pub fn new(name: &str, seeds: &'a [Seed], read: F) -> Self {
         let folder = tempfile::tempdir_in(scratch()).unwrap();
         let target = Self { name: name.to_owned(), folder, seeds, read, figures: Mutex::default() };
+        // The others lie next to the damaged one: class names next to labels, images next to points.
+        target.firsts().for_each(|seed| place(target.folder.path(), seed));
         for seed in seeds {
             target.read(seed);
         }
         target
+    }
+
+    /// The first seed of each path.
+    fn firsts(&self) -> impl Iterator<Item = &Seed> {
+        let is_first = |at: usize| !self.seeds[..at].iter().any(|other| other.path == self.seeds[at].path);
+        self.seeds.iter().enumerate().filter(move |(at, _)| is_first(*at)).map(|(_, seed)| seed)
     }
 
     /// Reads one damaged seed and takes the time.
@@ -65,13 +78,19 @@ impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
         let begun = Instant::now();
         (self.read)(folder, seed);
         let took = begun.elapsed();
-        std::fs::remove_file(folder.join(&seed.path)).unwrap();
+        let whole = self.firsts().find(|other| other.path == seed.path).unwrap();
+        place(folder, whole);
         took
     }
 
     /// Prints how many inputs there were, the slowest one, and the memory.
+    ///
+    /// # Panics
+    /// When an input hung, or the process took more memory than any file may cause.
     pub fn report(&self) {
         let figures = self.figures.lock().unwrap();
+        assert!(figures.slowest < HANG, "{}: an input took {:?}", self.name, figures.slowest);
+        assert!(peak_mb() < MAX_MB, "{}: {} MB", self.name, peak_mb());
         println!(
             "{}: {} executions in {:.1} s, slowest {:.3} s, peak memory of the process {} MB",
             self.name,

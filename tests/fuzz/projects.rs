@@ -10,16 +10,17 @@ use ostra::frames::cameras::IntrinsicsSource;
 use ostra::frames::{FrameFolder, OpenRequest};
 use ostra::masks::LabelId;
 use ostra::scene::fuse::read_votes;
-use ostra::session::{Command, Event, FuseRequest, NewProject, PaintRequest, Recipe, Session};
+use ostra::session::{Command, Event, FuseRequest, NewProject, PaintRequest, Project, Recipe, ResultKind, Session};
 use tempfile::TempDir;
 
 use crate::harness::{Seed, fuzz, scratch};
 use crate::seeds;
 
-/// A project of two RGB-D frames with a label, masks, a cloud and some history, and the folder of its images.
+/// A folder with a project of two RGB-D frames with a label, masks, a cloud and some history, and the images it was made of.
 struct Sample {
-    folder: TempDir,
     files: Vec<Seed>,
+    /// Where `recipes` opens it.
+    folder: TempDir,
 }
 
 fn sample() -> &'static Sample {
@@ -29,10 +30,9 @@ fn sample() -> &'static Sample {
         let root = folder.path().join("project");
         make_project(folder.path(), &root);
         let mut files = Vec::new();
-        collect(&root, &root, &mut files);
-        std::fs::remove_dir_all(&root).unwrap();
-        assert!(files.len() > 6, "{:?}", files.iter().map(|file| &file.path).collect::<Vec<_>>());
-        Sample { folder, files }
+        collect(folder.path(), folder.path(), &mut files);
+        assert!(files.len() > 12, "{:?}", files.iter().map(|file| &file.path).collect::<Vec<_>>());
+        Sample { files, folder }
     })
 }
 
@@ -106,11 +106,11 @@ fn settle(session: &mut Session) {
     }
 }
 
-/// Opens the project, edits it, fuses again and saves; whatever fails must fail with a message.
-fn use_project(root: &Path) {
+/// Opens the project, edits it, fuses again and saves; whatever fails must fail with a message. Whether it was fused.
+fn use_project(root: &Path) -> bool {
     let mut session = Session::new();
     if session.act(Command::Open(root.to_owned())).is_err() {
-        return;
+        return false;
     }
     settle(&mut session);
     let frames = session.project().map_or(0, |project| project.frames.len());
@@ -124,26 +124,34 @@ fn use_project(root: &Path) {
         settle(&mut session);
     }
     let _ = session.save();
+    session.cloud().is_some_and(|cloud| !cloud.is_empty())
+        && session.project().is_some_and(|project| !is_stale(project))
+}
+
+fn is_stale(project: &Project) -> bool {
+    project.results.get(&ResultKind::Cloud).is_none_or(|record| record.stale)
 }
 
 #[test]
 fn project_folders() {
-    let sample = sample();
-    let images = || std::fs::read(sample.folder.path().join("color/0.png")).unwrap();
-    let before = images();
-    fuzz!("project folders", 400, sample.files.clone(), |folder, damaged| {
-        for file in sample.files.iter().filter(|file| file.path != damaged.path) {
+    let files = &sample().files;
+    let place_all = |folder: &Path, damaged: Option<&Seed>| {
+        for file in files.iter().filter(|file| damaged.is_none_or(|damaged| file.path != damaged.path)) {
             let path = folder.join(&file.path);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, &file.bytes).unwrap();
         }
-        use_project(folder);
-        assert!(images() == before, "a source image was changed");
+    };
+    let whole = tempfile::tempdir_in(scratch()).unwrap();
+    place_all(whole.path(), None);
+    assert!(use_project(&whole.path().join("project")), "the undamaged project is fused");
+    fuzz!("project folders", 400, files.clone(), |folder, damaged| {
+        place_all(folder, Some(damaged));
+        use_project(&folder.join("project"));
+        for file in files.iter().filter(|file| !file.path.starts_with("project/") && file.path != damaged.path) {
+            assert!(std::fs::read(folder.join(&file.path)).unwrap() == file.bytes, "{} was changed", file.path);
+        }
         clear(folder);
-        // The harness removes the damaged file.
-        let path = folder.join(&damaged.path);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, "").unwrap();
     });
 }
 
@@ -156,7 +164,7 @@ fn clear(folder: &Path) {
 
 #[test]
 fn votes() {
-    let votes = sample().files.iter().filter(|file| file.path.contains("votes")).cloned().collect::<Vec<_>>();
+    let votes = sample().files.iter().filter(|file| file.path == "project/votes.bin").cloned().collect::<Vec<_>>();
     fuzz!("votes", 10_000, votes, |_, seed| {
         let _ = read_votes(seed.bytes.as_slice());
     });
@@ -170,12 +178,7 @@ fn recipes() {
 {"prompt":{"frame":1,"label":1,"clicks":[{"x":5,"y":5,"positive":true}]}},
 {"tidy":{"frame":0,"label":1,"holes_below":5,"islands_below":5}},"undo","redo"]}"#;
     let sample = sample();
-    let root = sample.folder.path().join("for recipes");
-    for file in &sample.files {
-        let path = root.join(&file.path);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, &file.bytes).unwrap();
-    }
+    let root = sample.folder.path().join("project");
     fuzz!("recipes", 3000, [Seed::new("recipe.json", text)], |_, seed| {
         let Ok(recipe) = serde_json::from_slice::<Recipe>(&seed.bytes) else { return };
         let mut session = Session::new();

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use image::Rgb;
+use serde_json::{Value, json};
 
-use super::command_line::{Recording, contents, done, refused};
+use super::command_line::{Recording, contents, done, ostra, refused};
 
 /// A project with masks and a cloud; its label has a name outside ASCII.
 fn fused(recording: &Recording) -> String {
@@ -177,6 +177,11 @@ fn names_of_others_neither_steer_terminals_nor_spreadsheets() {
         assert!(!out.contains(['\u{1b}', '\u{7}', '\u{202e}']), "{out:?}");
         assert!(out.contains("OWNED"));
     }
+    let strange = text.replacen("color/0.png", "color/0\\u001b]0;OWNED\\u0007.png", 1);
+    std::fs::write(&toml, strange).unwrap();
+    let warning = String::from_utf8(ostra(&["info", &project]).stderr).unwrap();
+    assert!(warning.contains("OWNED") && !warning.contains(['\u{1b}', '\u{7}']), "{warning:?}");
+    std::fs::write(&toml, text).unwrap();
     done(&["label", &project, "=HYPERLINK(\"http://x\",\"y\")"]);
     done(&["prompt", &project, "--frame", "1", "--label", "=HYPERLINK(\"http://x\",\"y\")", "--click", "50,40"]);
     done(&["fuse", &project, "--voxel", "0.02"]);
@@ -199,6 +204,33 @@ fn output_that_cannot_be_written_is_an_error() {
         assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");
         assert!(text.contains("standard output"), "{text}");
     }
+    // Progress and warnings are only words: the work is done without them.
+    std::fs::write(recording.path("color/1.png"), "").unwrap();
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let status = Command::new(env!("CARGO_BIN_EXE_ostra")).args(["fuse", &project]).stderr(full).status().unwrap();
+    assert!(status.success(), "{status:?}");
+}
+
+#[test]
+fn files_of_labels_that_the_project_has_no_longer_replace_no_other_files() {
+    let recording = Recording::new();
+    let project = fused(&recording);
+    let session = |command: Value| {
+        let recipe = recording.path("recipe.json");
+        let text = json!({ "format": 1, "commands": [{ "open": project }, command] }).to_string();
+        std::fs::write(&recipe, text).unwrap();
+        done(&["run", &recipe]);
+    };
+    session(json!({ "remove_label": 1 }));
+    let (cloud, mine) = (recording.path("c.ply"), recording.path("c_Stängel 名前.ply"));
+    std::fs::write(&mine, "mine").unwrap();
+    for more in [&[][..], &["--overwrite"]] {
+        refused(&[&["export", &project, "--cloud", &cloud, "--per-label"], more].concat());
+        assert_eq!(std::fs::read_to_string(&mine).unwrap(), "mine");
+    }
+    std::fs::remove_file(&mine).unwrap();
+    done(&["export", &project, "--cloud", &cloud, "--per-label"]);
+    assert!(Path::new(&mine).exists(), "the cloud still has the label");
 }
 
 /// What reads our exports with the libraries that people use, and checks what it finds.
@@ -267,18 +299,4 @@ fn common_libraries_read_every_export() {
     let output = python(&["-c", READERS, &out, &cloud.len().to_string(), &labelled.to_string()]).unwrap();
     let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success() && text.contains("all read"), "{text}");
-}
-
-#[test]
-fn killed_video_leaves_no_file_that_stays() {
-    let recording = Recording::new();
-    let folder = tempfile::tempdir_in(recording.path("")).unwrap();
-    let work = ostra::engine::disk::WorkFolder::create(folder.path()).unwrap();
-    std::fs::write(work.path().join("s.mp4"), "half").unwrap();
-    let left = work.path().to_owned();
-    std::mem::forget(work); // as a kill would
-    assert!(left.is_dir());
-    image::RgbImage::from_pixel(2, 2, Rgb([1, 2, 3])).save(folder.path().join("0.png")).unwrap();
-    ostra::engine::disk::remove_leftovers(folder.path(), false);
-    assert!(left.is_dir(), "its lock is held by this process");
 }

@@ -116,7 +116,7 @@ fn opened_again(session: &mut Session, before: &LabelledCloud) {
     let _ = session.cloud();
     session.settle(|_| ControlFlow::Continue(()));
     assert!(session.cloud().unwrap().labels != before.labels);
-    let of_cloud = ExportRequest { cloud: Some(root.join("as-it-was.ply")), ..ExportRequest::default() };
+    let of_cloud = ExportRequest { cloud: Some(root.with_extension("ply")), ..ExportRequest::default() };
     let events = perform(session, Command::Export(of_cloud)).unwrap();
     let tells = |event: &Event| matches!(event, Event::Warning(text) if text.contains("written as it was fused"));
     assert!(events.iter().any(tells), "{events:?}");

@@ -73,6 +73,69 @@ fn transparent_pixels_hide_their_colours() {
 }
 
 #[test]
+fn an_alpha_channel_that_hides_nothing_is_not_reported() {
+    let root = tempfile::tempdir().unwrap();
+    for name in ["a.png", "b.png"] {
+        DynamicImage::ImageRgb8(picture()).into_rgba8().save(root.path().join(name)).unwrap();
+    }
+    let opened = opened(root.path());
+    assert!(opened.warnings.is_empty(), "{:?}", opened.warnings);
+}
+
+#[test]
+fn float_colours_of_any_usual_range_keep_their_colours() {
+    let root = tempfile::tempdir().unwrap();
+    let path = |name: &str| root.path().join(name);
+    let encoder = |name: &str| TiffEncoder::new(std::fs::File::create(path(name)).unwrap()).unwrap();
+    let scaled = |white: f32| picture().as_raw().iter().map(|&v| f32::from(v) / 255.0 * white).collect::<Vec<f32>>();
+    for (name, white) in [("1.tif", 1.0), ("255.tif", 255.0), ("65535.tif", 65535.0)] {
+        encoder(name).write_image::<colortype::RGB32Float>(64, 48, &scaled(white)).unwrap();
+    }
+    let half: Vec<f32> =
+        (0..64 * 48).flat_map(|k| [51.0, 102.0, 204.0, if k % 64 < 32 { 0.0 } else { 255.0 }]).collect();
+    encoder("alpha.tif").write_image::<colortype::RGBA32Float>(64, 48, &half).unwrap();
+    let opened = opened(root.path());
+    let warning = opened.warnings.iter().find(|line| line.contains("divided")).unwrap();
+    assert!(warning.contains("3 images") && warning.contains("255.tif by 255, 65535.tif by 65535"), "{warning}");
+    for frame in &opened.frames {
+        let image = store().image(frame).unwrap();
+        if frame.name == "alpha.tif" {
+            assert_eq!((image.at(3, 3), image.at(40, 3)), ([128; 3], [51, 102, 204]));
+            assert!(!store().opaque_pixels(frame).unwrap().unwrap()[3]);
+        } else {
+            assert_eq!(image.pixels.as_flattened(), picture().as_raw(), "{}", frame.name);
+        }
+    }
+    for (k, value) in [f32::NAN, -20.0, 1e6].into_iter().enumerate() {
+        let folder = path(&format!("refused {k}"));
+        std::fs::create_dir(&folder).unwrap();
+        let mut values = scaled(1.0);
+        values[100] = value;
+        encoder(&format!("refused {k}/a.tif")).write_image::<colortype::RGB32Float>(64, 48, &values).unwrap();
+        let project = path("project").display().to_string();
+        let error = refused(&["new", &project, "--frames", &folder.display().to_string()]);
+        assert!(error.contains("a.tif: colours as floats must go from 0 to 1, 255 or 65535"), "{error}");
+    }
+}
+
+#[test]
+fn images_of_other_formats_are_refused_by_their_own_path_with_a_hint() {
+    let root = tempfile::tempdir().unwrap();
+    for (name, bytes, hint) in [
+        ("a.heic", &b"\0\0\0\x18ftypheic\0\0\0\0"[..], "heif-convert"),
+        ("without ending", b"\0\0\0\x18ftypheic\0\0\0\0", "heif-convert"),
+        ("b.DNG", b"II*\0\x08\0\0\0", "magick"),
+        ("c.bmp", b"BM", "magick"),
+    ] {
+        let path = root.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let project = root.path().join("project").display().to_string();
+        let error = refused(&["new", &project, "--frames", path.to_str().unwrap()]);
+        assert!(error.contains(hint) && !error.contains("video"), "{name}: {error}");
+    }
+}
+
+#[test]
 fn images_of_unusual_kinds_keep_their_colours() {
     let root = tempfile::tempdir().unwrap();
     let path = |name: &str| root.path().join(name);
@@ -155,6 +218,15 @@ fn damaged_images_are_named_and_everything_goes_on_without_them() {
     assert_eq!(frames_of(&project).len(), 4, "they keep their places");
     let fused = warned(&["fuse", &project, "--voxel", "0.02"]);
     assert!(fused.contains("cannot be read") && fused.contains("1.png"), "{fused}");
+    // Exports of images and scale go on without them too.
+    let [flat, depths] = ["flat", "depths"].map(|name| recording.path(name));
+    let exported = warned(&["export", &project, "--undistorted", &flat, "--depths", &depths]);
+    assert!(exported.contains("2 frames whose image cannot be read are left out"), "{exported}");
+    let names = |folder: &str| std::fs::read_dir(folder).unwrap().count();
+    // Depths come from images of their own; that of an image without a size cannot be checked against it.
+    assert_eq!((names(&format!("{flat}/images")), names(&depths)), (2, 3 + 1), "with the list of exports");
+    let model = std::fs::read_to_string(format!("{flat}/sparse/images.txt")).unwrap();
+    assert!(model.contains("0.png") && model.contains("3.png") && !model.contains("1.png"), "{model}");
     // The file came back: the frame is whole again.
     std::fs::write(color(1), &whole).unwrap();
     assert!(!warned(&["fuse", &project, "--voxel", "0.02"]).contains("1.png"));

@@ -86,9 +86,7 @@ impl Bench {
         let begun = Instant::now();
         let output = self.command(job.args).output().unwrap();
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
-        // A synthetic recording of six small views may be too little for a method: that is an answer, too.
-        assert!(matches!(output.status.code(), Some(0 | 1)), "{}: {text}", job.name);
-        assert!(!text.contains("panic"), "{}: {text}", job.name);
+        assert!(output.status.success(), "{}: {text}", job.name);
         begun.elapsed()
     }
 
@@ -134,7 +132,12 @@ fn check_outputs(folder: &Path) {
                         bytes.len() >= 12
                             && u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize == bytes.len()
                     }
-                    _ => !bytes.is_empty() || name == "points3D.txt",
+                    Some("npz") => bytes.windows(4).rev().take(1 << 16).any(|at| at == b"PK\x05\x06"),
+                    Some("tiff") => tiff::decoder::Decoder::new(std::io::Cursor::new(&bytes))
+                        .and_then(|mut decoder| decoder.read_image())
+                        .is_ok(),
+                    Some("txt" | "bin") => true,
+                    _ => panic!("{}: no reader is known", path.display()),
                 };
                 assert!(is_whole, "{} is not whole ({} bytes)", path.display(), bytes.len());
             }

@@ -121,6 +121,40 @@ fn a_foreign_ply_of_doubles_scores_to_the_millimetre() {
 }
 
 #[test]
+fn scale_multiplies_global_coordinates_and_frames_added_later_fit() {
+    let recording = moved(UTM);
+    let project = recording.path("project");
+    let [color, sparse] = ["color", "sparse"].map(|name| recording.path(name));
+    done(&["new", &project, "--frames", &color, "--cameras", &sparse]);
+    let centres = |name: &str| -> Vec<DVec3> {
+        let text = std::fs::read_to_string(format!("{}/images.txt", export(&recording, &project, "--cameras", name)));
+        let lines = text.unwrap();
+        let of_images = lines.lines().filter(|line| line.ends_with(".png"));
+        // The cameras are not turned.
+        let number = |line: &str, at: usize| -line.split(' ').nth(at).unwrap().parse::<f64>().unwrap();
+        of_images.map(|line| DVec3::new(number(line, 5), number(line, 6), number(line, 7))).collect()
+    };
+    let before = centres("before");
+    let seen = |frame: u32, from_px: f64| format!("{frame},{},20", from_px - 2.0 * f64::from(frame));
+    let (near, far) = ([seen(0, 20.0), seen(3, 20.0)], [seen(0, 30.0), seen(3, 30.0)]);
+    let from = ["--from", near[0].as_str(), "--from", near[1].as_str()];
+    let to = ["--to", far[0].as_str(), "--to", far[1].as_str()];
+    done(&[&["scale", &project, "--length", "0.5"][..], &from, &to].concat());
+    let after = centres("after");
+    let factor = after[0].y / before[0].y;
+    assert!((factor - 1.0).abs() > 0.1, "{factor}");
+    for (before, after) in before.iter().zip(&after) {
+        assert!(after.abs_diff_eq(*before * factor, 1e-3), "{before} times {factor} is {after}");
+    }
+    done(&["add", &project, "--frames", &color, "--cameras", &sparse]);
+    let added = centres("added");
+    assert_eq!(added.len(), 8);
+    for at in &added {
+        assert!(after.iter().any(|known| known.abs_diff_eq(*at, 1e-3)), "{at} is none of {after:?}");
+    }
+}
+
+#[test]
 fn frames_added_later_are_relative_to_the_same_origin() {
     let recording = moved(UTM);
     let project = recording.path("project");

@@ -380,11 +380,9 @@ fn what_cannot_be_scaled_is_refused_and_nothing_changes() {
         let entries = std::fs::read_dir(root.join("versions")).unwrap().map(|entry| entry.unwrap().path());
         entries.filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with(start)).max().unwrap()
     };
-    for (start, damaged, says) in [
-        ("cloud-", version("cloud-"), "fuse again"),
-        ("mesh-", version("mesh-"), "fuse again"),
-        ("depths-", version("depths-").join("maps/2.png.tiff"), "depth of 2.png cannot be scaled"),
-    ] {
+    for (start, damaged, says) in
+        [("cloud-", version("cloud-"), "fuse again"), ("mesh-", version("mesh-"), "fuse again")]
+    {
         let whole = std::fs::read(&damaged).unwrap();
         for bytes in [None, Some(&whole[..whole.len() / 2])] {
             let _ = std::fs::remove_file(&damaged);
@@ -409,6 +407,24 @@ fn what_cannot_be_scaled_is_refused_and_nothing_changes() {
     let inches = fused.scale(&["--length", "2", "--unit", "inch"]);
     assert_eq!(ostra(&inches.iter().map(String::as_str).collect::<Vec<_>>()).status.code(), Some(2));
     assert_eq!(info(), before);
+}
+
+#[test]
+fn one_damaged_depth_map_does_not_stop_the_scale() {
+    let fused = Fused::new();
+    let project = fused.project();
+    let map = |version: u32| PathBuf::from(&project).join(format!("versions/depths-{version}/maps/2.png.tiff"));
+    let damaged = (0..100).map(map).find(|map| map.exists()).unwrap();
+    std::fs::write(&damaged, "cut off").unwrap();
+    let before = fused.export("before").translations();
+    let said = done_with_both(&fused.scale(&["--length", "2"]));
+    assert!(said.contains("1 depth maps cannot be read") && said.contains("2.png"), "{said}");
+    let after = fused.export("after").translations();
+    assert!(before.iter().zip(&after).all(|(before, after)| after.abs_diff_eq(*before * 2.0, 1e-9)));
+    let info = done(&["info", &project, "--json"]);
+    let info: serde_json::Value = serde_json::from_str(&info).unwrap();
+    let has_depth = |frame: &&serde_json::Value| frame["depth"].as_bool() == Some(true) || frame["depth"].is_object();
+    assert_eq!(info["frames"].as_array().unwrap().iter().filter(has_depth).count(), 3, "{info}");
 }
 
 #[test]

@@ -47,7 +47,8 @@ impl Project {
     }
 
     pub(super) fn info(&self) -> Value {
-        serde_json::from_str(&self.done(&["info", &self.root(), "--json"])).unwrap()
+        // Warnings follow.
+        serde_json::from_str(self.done(&["info", &self.root(), "--json"]).lines().next().unwrap()).unwrap()
     }
 
     pub(super) fn placed(&self) -> usize {

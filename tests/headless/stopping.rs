@@ -52,7 +52,7 @@ fn is_stopped_or_done(status: ExitStatus) -> bool {
 
 fn temporary_files(folder: &Path) -> Vec<String> {
     let all = contents(folder).into_iter().map(|(path, _)| path);
-    all.filter(|path| path.file_name().is_some_and(is_temporary)).map(|path| path.display().to_string()).collect()
+    all.filter(|path| path.iter().any(is_temporary)).map(|path| path.display().to_string()).collect()
 }
 
 #[cfg(unix)]
@@ -79,7 +79,8 @@ fn every_command_ends_at_an_interrupt_and_leaves_whole_files_only() {
         &["info", &project],
         &["demo", "demo", "--headless", "--frames", "6", "--size", "96x128"],
     ];
-    for command in commands {
+    for (number, command) in commands.into_iter().enumerate() {
+        let mut stopped = 0;
         for moment in [0, 60, 250] {
             let mut child = start(command, Path::new(&scratch));
             pause(moment);
@@ -90,69 +91,106 @@ fn every_command_ends_at_an_interrupt_and_leaves_whole_files_only() {
             assert!(is_stopped_or_done(status), "{command:?} after {moment} ms: {status:?} {text}");
             if status.code() == Some(130) {
                 assert!(text.contains("ostra: stopped"), "{command:?}: {text}");
+                stopped += 1;
             }
             done(&["info", &project]);
         }
+        // The largest image and the whole demo last longer than the moments.
+        assert!(stopped > 0 || !matches!(number, 0 | 12), "{command:?} went on after every interrupt");
     }
     done(&["export", &project, "--cloud", &recording.path("after.ply")]);
     assert_eq!(temporary_files(Path::new(&recording.path(""))), [] as [String; 0]);
 }
 
-/// A project of a stranger can name a pipe that nobody writes to.
+/// A project of a stranger can name a pipe that nobody writes to: reading it would wait for ever.
 #[cfg(unix)]
 #[test]
-fn waiting_for_a_pipe_ends_at_an_interrupt() {
+fn a_pipe_in_the_place_of_an_image_is_refused() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
     let pipe = recording.path("color/1.png");
     std::fs::remove_file(&pipe).unwrap();
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    let args = ["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"];
-    let mut child = start(&args, Path::new(&recording.path("")));
-    pause(400);
-    interrupt(&child);
-    let status = child.wait().unwrap();
-    // It is also right to refuse the pipe before.
-    assert!(status.code() == Some(1) || is_stopped_or_done(status), "{status:?}");
-    std::fs::remove_file(&pipe).unwrap();
-    done(&["info", &project]);
+    let said = refused(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    assert!(said.contains("1.png") && said.contains("a named pipe"), "{said}");
+}
+
+/// A project and a fake ffmpeg that writes half a video and goes on; `make` starts a turntable with it.
+#[cfg(unix)]
+struct Video {
+    recording: Recording,
+    project: String,
+    programs: String,
+    id: String,
+}
+
+#[cfg(unix)]
+impl Video {
+    fn new() -> Self {
+        use std::os::unix::fs::PermissionsExt;
+        let recording = Recording::new();
+        let (project, programs, id) = (fused(&recording), recording.path("programs"), recording.path("id"));
+        std::fs::create_dir(&programs).unwrap();
+        let ffmpeg = format!("{programs}/ffmpeg");
+        // The last argument is the file that ffmpeg writes.
+        let script = "#!/bin/sh\nfor last; do :; done\necho half > \"${last#file:}\"\n";
+        let script = format!("{script}echo $$ > '{id}.new'; mv '{id}.new' '{id}'\nexec sleep 600\n");
+        std::fs::write(&ffmpeg, script).unwrap();
+        std::fs::set_permissions(&ffmpeg, std::fs::Permissions::from_mode(0o755)).unwrap();
+        Self { recording, project, programs, id }
+    }
+
+    /// Starts a turntable and waits until ffmpeg writes.
+    fn make(&self) -> Child {
+        let path = format!("{}:{}", self.programs, std::env::var("PATH").unwrap_or_default());
+        let mut child = Command::new(env!("CARGO_BIN_EXE_ostra"))
+            .args(["shot", &self.project, &self.recording.path("s.png")])
+            .args(["--turntable", &self.recording.path("t.mp4"), "--size", "640x480", "--seconds", "60"])
+            .env("PATH", path)
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        while !Path::new(&self.id).exists() {
+            assert!(child.try_wait().unwrap().is_none(), "it ended before it made a video");
+            pause(10);
+        }
+        child
+    }
+
+    fn temporary_files(&self) -> Vec<String> {
+        temporary_files(Path::new(&self.recording.path("")))
+    }
 }
 
 /// A helper program that goes on by itself: the process that started it must not leave it behind.
 #[cfg(unix)]
 #[test]
 fn helper_programs_end_with_the_command() {
-    use std::os::unix::fs::PermissionsExt;
-    let recording = Recording::new();
-    let project = fused(&recording);
-    let (programs, id) = (recording.path("programs"), recording.path("id"));
-    std::fs::create_dir(&programs).unwrap();
-    let ffmpeg = format!("{programs}/ffmpeg");
-    std::fs::write(&ffmpeg, format!("#!/bin/sh\necho $$ > '{id}.new'; mv '{id}.new' '{id}'\nexec sleep 600\n"))
-        .unwrap();
-    std::fs::set_permissions(&ffmpeg, std::fs::Permissions::from_mode(0o755)).unwrap();
-    let path = format!("{programs}:{}", std::env::var("PATH").unwrap_or_default());
-    let size = ["--size", "640x480", "--seconds", "60"];
-    let mut child = Command::new(env!("CARGO_BIN_EXE_ostra"))
-        .args(["shot", &project, &recording.path("s.png"), "--turntable", &recording.path("t.mp4")])
-        .args(size)
-        .env("PATH", path)
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    while !Path::new(&id).exists() {
-        assert!(child.try_wait().unwrap().is_none(), "it ended before it made a video");
-        pause(10);
-    }
+    let video = Video::new();
+    let mut child = video.make();
     interrupt(&child);
     assert_eq!(child.wait().unwrap().code(), Some(130));
-    let id = std::fs::read_to_string(&id).unwrap();
+    let id = std::fs::read_to_string(&video.id).unwrap();
     let state = Command::new("ps").args(["-o", "stat=", "-p", id.trim()]).output().unwrap();
     let state = String::from_utf8_lossy(&state.stdout).trim().to_owned();
     assert!(state.is_empty() || state.starts_with('Z'), "ffmpeg is still there: {state}");
-    let left = contents(Path::new(&recording.path(""))).into_iter().filter(|(path, _)| path.ends_with("t.part.mp4"));
-    assert_eq!(left.count(), 0);
+    assert_eq!(video.temporary_files(), [] as [String; 0]);
+    assert!(!Path::new(&video.recording.path("t.mp4")).exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn what_a_killed_video_left_goes_with_the_next_export() {
+    let video = Video::new();
+    let mut child = video.make();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let id = std::fs::read_to_string(&video.id).unwrap();
+    assert!(Command::new("kill").args(["-KILL", id.trim()]).status().unwrap().success());
+    assert!(!video.temporary_files().is_empty());
+    done(&["shot", &video.project, &video.recording.path("again.png"), "--size", "64x64"]);
+    assert_eq!(video.temporary_files(), [] as [String; 0]);
 }
 
 fn recipe(recording: &Recording, project: &str, command: &Value) -> String {

@@ -118,6 +118,10 @@ fn links_that_leave_the_project_are_neither_read_nor_written_through() {
         "versions/depths-1",
         "sparse",
         "sparse/cameras.txt",
+        "cache",
+        "votes.bin",
+        "mesh.ply",
+        "versions/mesh-1.ply",
     ] {
         let copy = Copy::new();
         let (path, outside) = (copy.file(name), copy.dir.path().join("outside"));
@@ -200,10 +204,13 @@ fn names_in_a_project_lead_to_no_file_outside() {
     let copy = Copy::new();
     let text = fs::read_to_string(copy.file("project.toml")).unwrap();
     let (start, end) = (text.find("[frames.depth]").unwrap(), text.find("[frames.camera").unwrap());
-    let made = "[frames.depth]\nmade = \"../theirs/notes\"\nscale = 1.0\n\n";
-    fs::write(copy.file("project.toml"), [&text[..start], made, &text[end..]].concat()).unwrap();
-    assert!(refused(&["info", &copy.project]).contains("must lie in the project's folder"));
-    copy.assert_theirs_untouched("depth");
+    // A folder that is none of the project's own may hold a link.
+    for place in ["../theirs/notes", "theirs/notes"] {
+        let made = format!("[frames.depth]\nmade = \"{place}\"\nscale = 1.0\n\n");
+        fs::write(copy.file("project.toml"), [&text[..start], &made, &text[end..]].concat()).unwrap();
+        assert!(refused(&["info", &copy.project]).contains("must lie among those of the project"));
+        copy.assert_theirs_untouched("depth");
+    }
 }
 
 #[test]
@@ -239,17 +246,53 @@ fn looking_at_a_project_writes_nothing() {
     assert!(!copy.file("versions/.ostra-cloud.ply.x.tmp").exists());
 }
 
-/// The system refuses even the administrator here; where nothing can be mounted, there is nothing to test.
+/// Makes a folder refuse all writing: for the administrator by a mount, for others by permissions.
+#[cfg(target_os = "linux")]
+struct ReadOnly<'a> {
+    folder: &'a str,
+    is_mounted: bool,
+}
+
+#[cfg(target_os = "linux")]
+impl<'a> ReadOnly<'a> {
+    /// `None` where neither is possible: an administrator who may not mount.
+    fn new(folder: &'a str) -> Option<Self> {
+        let mount = |args: &[&str]| {
+            std::process::Command::new("mount").args(args).output().is_ok_and(|out| out.status.success())
+        };
+        let made = Self { folder, is_mounted: mount(&["--bind", folder, folder]) };
+        if made.is_mounted {
+            mount(&["-o", "remount,ro,bind", folder]);
+        } else {
+            made.permit("a-w");
+        }
+        std::fs::write(format!("{folder}/probe"), "").is_err().then_some(made)
+    }
+
+    fn permit(&self, mode: &str) {
+        assert!(std::process::Command::new("chmod").args(["-R", mode, self.folder]).status().unwrap().success());
+    }
+}
+
+#[cfg(target_os = "linux")]
+impl Drop for ReadOnly<'_> {
+    fn drop(&mut self) {
+        if self.is_mounted {
+            assert!(std::process::Command::new("umount").arg(self.folder).status().unwrap().success());
+        } else {
+            self.permit("u+w");
+        }
+    }
+}
+
 #[test]
 #[cfg(target_os = "linux")]
 fn a_project_on_read_only_media_can_be_viewed_but_not_changed() {
     let copy = Copy::new();
-    let mount =
-        |args: &[&str]| std::process::Command::new("mount").args(args).output().is_ok_and(|out| out.status.success());
-    if !mount(&["--bind", &copy.project, &copy.project]) {
+    let Some(read_only) = ReadOnly::new(&copy.project) else {
+        println!("not tested: an administrator who may not mount can write everywhere");
         return;
-    }
-    let is_read_only = mount(&["-o", "remount,ro,bind", &copy.project]);
+    };
     let shot = copy.dir.path().join("shot.png");
     let outcomes = [
         ostra(&["info", &copy.project]),
@@ -263,13 +306,11 @@ fn a_project_on_read_only_media_can_be_viewed_but_not_changed() {
         (session.project().map(|project| project.frames.len()), session.view_reason().map(str::to_owned));
     let step = session.act(Command::AddLabel { name: "mine".into(), parent: None, color: None });
     drop(session);
-    assert!(std::process::Command::new("umount").arg(&copy.project).status().unwrap().success());
-    if is_read_only {
-        assert_eq!(outcomes.each_ref().map(|out| out.status.code()), [Some(0), Some(0), Some(1)], "{outcomes:?}");
-        assert!(stderr(&outcomes[2]).contains("cannot be written"), "{}", stderr(&outcomes[2]));
-        assert!(frames == Some(4) && reason.is_some(), "{events:?}");
-        assert!(format!("{:#}", step.unwrap_err()).contains("open for viewing"));
-    }
+    drop(read_only);
+    assert_eq!(outcomes.each_ref().map(|out| out.status.code()), [Some(0), Some(0), Some(1)], "{outcomes:?}");
+    assert!(stderr(&outcomes[2]).contains("cannot be written"), "{}", stderr(&outcomes[2]));
+    assert!(frames == Some(4) && reason.is_some(), "{events:?}");
+    assert!(format!("{:#}", step.unwrap_err()).contains("open for viewing"));
 }
 
 #[test]
@@ -308,17 +349,45 @@ fn damaged_journal_costs_the_steps_from_there_on_and_is_kept() {
     }
 }
 
+/// A journal whose first step is missing comes from another time; one whose line ends a tool changed is one long line.
 #[test]
-fn journal_of_another_time_is_refused_and_left_alone() {
-    let copy = Copy::new();
-    copy.make_steps(&["one", "two"]);
-    let journal = fs::read_to_string(copy.file("journal.jsonl")).unwrap();
-    fs::write(copy.file("journal.jsonl"), journal.lines().last().unwrap().to_owned() + "\n").unwrap();
-    let before = contents(Path::new(&copy.project));
-    for args in [vec!["info", &copy.project], vec!["label", &copy.project, "mine"]] {
-        assert!(refused(&args).contains("restore both from one backup"));
+fn journals_that_cannot_be_used_at_all_are_kept_aside() {
+    type Spoil = fn(&str) -> String;
+    let spoils: [(Spoil, &str); 2] = [
+        (|journal| journal.lines().last().unwrap().to_owned() + "\n", "lacks step"),
+        (|journal| journal.replace('\n', "\r"), "line 1 is damaged"),
+    ];
+    for (spoil, says) in spoils {
+        let copy = Copy::new();
+        copy.make_steps(&["alpha", "beta"]);
+        let spoilt = spoil(&fs::read_to_string(copy.file("journal.jsonl")).unwrap());
+        fs::write(copy.file("journal.jsonl"), &spoilt).unwrap();
+        let before = contents(Path::new(&copy.project));
+        let (listed, warnings) = warned(&["info", &copy.project]);
+        assert!(!listed.contains("alpha") && !listed.contains("beta"), "{listed}");
+        assert!(warnings.contains(says) && warnings.contains("nothing was changed"), "{warnings}");
+        assert_eq!(contents(Path::new(&copy.project)), before);
+        let (_, warnings) = warned(&["label", &copy.project, "mine"]);
+        assert!(warnings.contains("kept as journal.jsonl.damaged"), "{warnings}");
+        assert_eq!(fs::read_to_string(copy.file("journal.jsonl.damaged")).unwrap(), spoilt);
+        assert!(done(&["info", &copy.project]).contains("mine"));
     }
-    assert_eq!(contents(Path::new(&copy.project)), before);
+}
+
+/// A file of this size costs its header alone: it is another size than the frame.
+#[test]
+fn masks_of_another_size_are_refused_by_their_header() {
+    let copy = Copy::new();
+    let mut bomb = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bomb, 16_000, 16_000);
+    encoder.set_depth(png::BitDepth::One);
+    encoder.write_header().unwrap().write_image_data(&vec![0; 16_000 * 2_000]).unwrap();
+    fs::write(copy.file("masks/1.png"), &bomb).unwrap();
+    // 300 MB of address space for everything; decoded it would take more than 500.
+    let script = format!("ulimit -v 400000; exec {} info {}", env!("CARGO_BIN_EXE_ostra"), copy.project);
+    let output = std::process::Command::new("sh").arg("-c").arg(script).output().unwrap();
+    let text = stderr(&output);
+    assert!(output.status.success() && text.contains("1.png") && text.contains("16000"), "{text}");
 }
 
 #[test]
@@ -569,6 +638,12 @@ fn relocate_points_frames_to_the_same_files_elsewhere() {
     let said = done(&["relocate", &project, &format!("{}/", recording.path("color")), &to("images")]);
     assert!(said.contains("4 frames are read from"), "{said}");
     assert_eq!(warned(&["fuse", &project, "--voxel", "0.03"]).1, "");
+    // One image was deleted on the way: the others are found all the same.
+    fs::rename(to("images"), to("moved")).unwrap();
+    fs::remove_file(format!("{}/2.png", to("moved"))).unwrap();
+    let (said, warnings) = warned(&["relocate", &project, &to("images"), &to("moved")]);
+    assert!(said.contains("3 frames are read from"), "{said}");
+    assert!(warnings.contains("1 frames stay as they were") && warnings.contains("2.png"), "{warnings}");
 }
 
 /// A limit on the size of files stands for a full disk: the step fits into the journal, the checkpoint does not fit.

@@ -125,6 +125,20 @@ fn frames_by_seeking_and_in_order_are_those_of_a_linear_decode() {
 }
 
 #[test]
+fn frames_of_equal_times_are_distinguished() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("3000_a_second.mkv");
+    // Matroska counts milliseconds: two or three frames have the same time.
+    let options = "-vf settb=1/3000,setpts=N -r 3000 -c:v libx264 -g 70 -pix_fmt yuv420p";
+    make_film(&path, &Making { size: SIZE, pixels: "rgb24", count: COUNT, options }, image);
+    let opened = compare(&path, &[64, 65, 66, 99, 140]);
+    assert_eq!(opened.frames.len() as u64, COUNT);
+}
+
+#[test]
 fn a_damaged_stream_is_reported_and_gives_the_frames_of_a_linear_decode() {
     if !has_ffmpeg() {
         return;

@@ -196,9 +196,14 @@ fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
     }
 }
 
-fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
+/// Asks whether earlier exports may be replaced that were changed since.
+pub(super) fn replace_ui(ui: &mut Ui, overwrite: &mut bool) {
     let tip = "Replaces files of an earlier export that were changed since, e.g. in a spreadsheet";
-    ui.checkbox(&mut form.overwrite, "Replace changed exports").on_hover_text(tip);
+    ui.checkbox(overwrite, "Replace changed exports").on_hover_text(tip);
+}
+
+fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
+    replace_ui(ui, &mut form.overwrite);
     let tip = "Writes the same points or mesh in the colours of the labels beside the file";
     ui.checkbox(&mut form.twin, "Twin in label colours").on_hover_text(tip);
     ui.checkbox(&mut form.per_label, "One file per label too")

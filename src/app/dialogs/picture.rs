@@ -2,6 +2,7 @@ use std::path::{Path, PathBuf};
 
 use egui::{DragValue, Ui};
 
+use super::export::replace_ui;
 use super::picker::{Pick, PickTarget, path_field_ui};
 use crate::app::tips::modal;
 use crate::app::view_state::typed_path;
@@ -13,6 +14,7 @@ pub struct PictureForm {
     pub(super) path: String,
     size: (u32, u32),
     transparent: bool,
+    overwrite: bool,
     is_film: bool,
     seconds: f32,
     fps: u32,
@@ -21,7 +23,7 @@ pub struct PictureForm {
 impl Default for PictureForm {
     fn default() -> Self {
         let size = (1920, 1080);
-        Self { path: String::new(), size, transparent: false, is_film: false, seconds: 12.0, fps: 30 }
+        Self { path: String::new(), size, transparent: false, overwrite: false, is_film: false, seconds: 12.0, fps: 30 }
     }
 }
 
@@ -32,6 +34,8 @@ pub struct PictureWish {
     pub path: PathBuf,
     /// Columns and rows.
     pub size: (u32, u32),
+    /// Whether a picture written before may be replaced though it was changed since.
+    pub overwrite: bool,
     /// A still or a film.
     pub take: Take,
 }
@@ -82,7 +86,12 @@ impl PictureForm {
             true => Take::Turntable { count, fps: self.fps },
             false => Take::Still { transparent: self.transparent },
         };
-        (self.is_film != is_png(&path)).then_some(PictureWish { path, size: self.size, take })
+        (self.is_film != is_png(&path)).then_some(PictureWish {
+            path,
+            size: self.size,
+            overwrite: self.overwrite,
+            take,
+        })
     }
 }
 
@@ -118,6 +127,7 @@ pub(in crate::app) fn picture_ui(ui: &Ui, view: &mut ViewState) {
                 if form.is_film { ("Film file", "film.mp4, .mkv or .webm") } else { ("Picture file", "picture.png") };
             path_field_ui(ui, &mut view.picker, name, &mut form.path, (Pick::Save, PickTarget::Picture));
         });
+        replace_ui(ui, &mut view.picture.overwrite);
         ui.add_space(12.0);
         end_ui(ui, view);
     });

@@ -31,18 +31,36 @@ pub fn read_regular(path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Reads a regular file whole; one of more than `max_bytes` is refused without reading it.
+///
+/// # Errors
+/// As [`read_regular`]; [`ErrorKind::FileTooLarge`].
+pub fn read_regular_up_to(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
+    let file = open_regular(path)?;
+    let length = file.metadata()?.len();
+    if length > max_bytes {
+        let what = format!("it has {length} bytes, more than the {max_bytes} that are possible here");
+        return Err(Error::new(ErrorKind::FileTooLarge, what));
+    }
+    let mut bytes = Vec::new();
+    file.take(max_bytes).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
 /// Reads a text file. A byte-order mark at its start is skipped; UTF-16, which PowerShell writes, is decoded.
 ///
 /// # Errors
 /// As [`open_regular`]; [`ErrorKind::InvalidData`] for bytes that are not text, [`ErrorKind::FileTooLarge`].
 pub fn read_text(path: &Path) -> Result<String> {
-    let file = open_regular(path)?;
-    if file.metadata()?.len() > MAX_TEXT_BYTES {
-        return Err(Error::new(ErrorKind::FileTooLarge, "it is too large for a text file"));
-    }
-    let mut bytes = Vec::new();
-    file.take(MAX_TEXT_BYTES).read_to_end(&mut bytes)?;
-    decode_text(bytes)
+    read_text_up_to(path, MAX_TEXT_BYTES)
+}
+
+/// Reads a text file as [`read_text`] does, but one of more than `max_bytes` is refused without reading it.
+///
+/// # Errors
+/// As [`read_text`].
+pub fn read_text_up_to(path: &Path, max_bytes: u64) -> Result<String> {
+    decode_text(read_regular_up_to(path, max_bytes)?)
 }
 
 /// The text in the bytes of a file, as [`read_text`] reads it.
@@ -118,6 +136,20 @@ mod tests {
             fs::write(&path, bytes).unwrap();
             assert_eq!(read_text(&path).unwrap_err().kind(), ErrorKind::InvalidData, "{bytes:?}");
         }
+    }
+
+    #[test]
+    fn a_text_file_may_be_limited() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        fs::write(&path, "12345").unwrap();
+        assert_eq!(read_text_up_to(&path, 5).unwrap(), "12345");
+        let error = read_text_up_to(&path, 4).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::FileTooLarge);
+        assert!(error.to_string().contains("5 bytes"), "{error}");
+        let sparse = fs::File::create(&path).unwrap();
+        sparse.set_len(MAX_TEXT_BYTES + 1).unwrap();
+        assert_eq!(read_text(&path).unwrap_err().kind(), ErrorKind::FileTooLarge);
     }
 
     #[test]

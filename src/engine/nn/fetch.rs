@@ -62,7 +62,7 @@ fn run(url: &str, part: &Path, limit: u64, told: &mut dyn FnMut(u64) -> bool) ->
 }
 
 /// A path with something behind the name of its file.
-pub(super) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     PathBuf::from(name)

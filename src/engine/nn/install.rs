@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use super::catalogue::{Catalogue, Entry, NetworkFile};
 use super::digest::sha256;
 use super::error::NnError;
-use super::fetch::with_suffix;
 use super::installed::text;
 use super::network::Network;
 use super::records::{digests, record};
 use super::runtime::{Runtime, whole};
+use crate::engine::disk::{self, AtomicFile};
 
 /// A file that was copied into the folder of networks.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -108,30 +108,20 @@ fn readable(path: &Path) -> Result<(), NnError> {
     File::open(path).map(drop).map_err(|source| NnError::Io { path: path.to_owned(), source })
 }
 
-/// Copies under temporary names, then renames: an interrupted copy leaves what was there before.
+/// Copies all files before any of them replaces what was there.
 fn place(folder: &Path, files: &[PathBuf], targets: &[PathBuf]) -> Result<(), NnError> {
     let failed = |path: &Path| {
         let path = path.to_owned();
         move |source| NnError::Io { path, source }
     };
     fs::create_dir_all(folder).map_err(failed(folder))?;
-    let temporaries: Vec<PathBuf> = targets.iter().map(|target| with_suffix(target, ".tmp")).collect();
-    let copies = files.iter().zip(&temporaries);
-    let copied = copies.into_iter().try_for_each(|(from, to)| copy_durably(from, to).map_err(failed(to)));
-    let renames = temporaries.iter().zip(targets);
-    let placed =
-        copied.and_then(|()| renames.into_iter().try_for_each(|(from, to)| fs::rename(from, to).map_err(failed(to))));
-    if placed.is_err() {
-        for path in &temporaries {
-            let _ = fs::remove_file(path);
-        }
+    disk::remove_leftovers(folder, false);
+    let mut copies = Vec::new();
+    for (from, to) in files.iter().zip(targets) {
+        let mut source = File::open(from).map_err(failed(from))?;
+        let mut copy = AtomicFile::create(to).map_err(failed(to))?;
+        std::io::copy(&mut source, copy.as_file()).map_err(failed(to))?;
+        copies.push((copy, to));
     }
-    placed
-}
-
-fn copy_durably(from: &Path, to: &Path) -> std::io::Result<()> {
-    let mut source = File::open(from)?;
-    let mut target = File::create(to)?;
-    std::io::copy(&mut source, &mut target)?;
-    target.sync_all()
+    copies.into_iter().try_for_each(|(copy, to)| copy.commit().map_err(failed(to)))
 }

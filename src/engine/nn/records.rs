@@ -1,12 +1,14 @@
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::digest::sha256;
 use super::error::NnError;
+use crate::engine::disk;
 
 /// Digests of the files that were added, by name, within the folder of networks.
 const RECORDS: &str = "digests.toml";
+/// A larger list is damaged.
+const MAX_BYTES: u64 = 16 << 20;
 
 /// Digests of files.
 pub(super) fn digests(files: &[PathBuf]) -> Result<Vec<String>, NnError> {
@@ -17,10 +19,9 @@ pub(super) fn digests(files: &[PathBuf]) -> Result<Vec<String>, NnError> {
 pub(super) fn record(folder: &Path, files: &[PathBuf], digests: Vec<String>) -> Result<(), NnError> {
     let mut records = read(folder)?;
     records.extend(files.iter().map(|path| name(path)).zip(digests));
-    let (path, temporary) = (folder.join(RECORDS), folder.join(format!("{RECORDS}.tmp")));
+    let path = folder.join(RECORDS);
     let text = toml::to_string(&records).map_err(|error| NnError::Request(format!("{}: {error}", path.display())))?;
-    let written = fs::write(&temporary, text).and_then(|()| fs::rename(&temporary, &path));
-    written.map_err(|source| NnError::Io { path, source })
+    disk::write(&path, text.as_bytes()).map_err(|source| NnError::Io { path, source })
 }
 
 /// Refuses a file that is another one than was added; one that was put there by hand is not known.
@@ -32,7 +33,7 @@ pub(super) fn compare(folder: &Path, path: &Path) -> Result<(), NnError> {
 
 fn read(folder: &Path) -> Result<BTreeMap<String, String>, NnError> {
     let path = folder.join(RECORDS);
-    match fs::read_to_string(&path) {
+    match disk::read_text_up_to(&path, MAX_BYTES) {
         Ok(text) => {
             toml::from_str(&text).map_err(|error| NnError::Request(format!("{}: {error}; delete it", path.display())))
         }

@@ -1,23 +1,48 @@
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 
 use glam::DVec3;
 
 use super::colmap_model::{intrinsics, model_name, parameter_count};
-use super::lines::{invalid, pose_from_quaternion, read_bytes};
+use super::lines::{invalid, pose_from_quaternion};
 use super::{CameraKey, GivenCamera, GivenIntrinsics};
+use crate::engine::disk;
 use crate::frames::FrameError;
 
-/// A little-endian file read from front to back; every read past the end is an error that names the file.
+/// The longest name of an image.
+const MAX_NAME_BYTES: u64 = 1 << 16;
+
+/// A little-endian file read from front to back, without holding it in memory; every read past the end is an error that
+/// names the file.
 #[derive(Debug)]
 pub struct Cursor<'a> {
     path: &'a Path,
-    rest: &'a [u8],
+    reader: BufReader<File>,
+    /// Bytes that follow.
+    left: u64,
 }
 
 impl<'a> Cursor<'a> {
-    pub fn new(path: &'a Path, bytes: &'a [u8]) -> Self {
-        Self { path, rest: bytes }
+    pub fn open(path: &'a Path) -> Result<Self, FrameError> {
+        let io = |reason| FrameError::Io { path: path.to_owned(), reason };
+        let file = disk::open_regular(path).map_err(io)?;
+        let left = file.metadata().map_err(io)?.len();
+        Ok(Self { path, reader: BufReader::new(file), left })
+    }
+
+    /// The number of records of at least so many bytes that follow to the end of the file.
+    pub fn count(&mut self, bytes_each: u64) -> Result<u64, FrameError> {
+        let count = self.u64()?;
+        if count == 0 && self.left > 0 {
+            let left = self.left;
+            return Err(self.error(format!("has 0 records but {left} more bytes; the file is damaged, copy it again")));
+        }
+        if count.checked_mul(bytes_each).is_none_or(|bytes| bytes > self.left) {
+            return Err(self.truncated());
+        }
+        Ok(count)
     }
 
     pub fn error(&self, what: impl Into<String>) -> FrameError {
@@ -28,18 +53,24 @@ impl<'a> Cursor<'a> {
         self.error("ends too early; the file is cut off or no COLMAP model, copy it again")
     }
 
-    /// The next `count` bytes.
-    pub fn skip(&mut self, count: u64) -> Result<&'a [u8], FrameError> {
-        let taken = usize::try_from(count).ok().and_then(|count| self.rest.split_at_checked(count));
-        let (taken, rest) = taken.ok_or_else(|| self.truncated())?;
-        self.rest = rest;
-        Ok(taken)
+    /// Counts bytes as read.
+    fn take(&mut self, count: u64) -> Result<(), FrameError> {
+        self.left = self.left.checked_sub(count).ok_or_else(|| self.truncated())?;
+        Ok(())
+    }
+
+    fn io(&self, reason: std::io::Error) -> FrameError {
+        if reason.kind() == ErrorKind::UnexpectedEof {
+            return self.truncated(); // the file became shorter
+        }
+        FrameError::Io { path: self.path.to_owned(), reason }
     }
 
     fn array<const N: usize>(&mut self) -> Result<[u8; N], FrameError> {
-        let (taken, rest) = self.rest.split_first_chunk().ok_or_else(|| self.truncated())?;
-        self.rest = rest;
-        Ok(*taken)
+        self.take(N as u64)?;
+        let mut bytes = [0; N];
+        self.reader.read_exact(&mut bytes).map_err(|reason| self.io(reason))?;
+        Ok(bytes)
     }
 
     pub fn u8(&mut self) -> Result<u8, FrameError> {
@@ -60,31 +91,37 @@ impl<'a> Cursor<'a> {
 
     /// Bytes up to a zero, which is taken too.
     fn name(&mut self) -> Result<String, FrameError> {
-        let end = self.rest.iter().position(|&byte| byte == 0).ok_or_else(|| self.truncated())?;
-        let name = String::from_utf8_lossy(&self.rest[..end]).into_owned();
-        self.rest = &self.rest[end + 1..];
-        Ok(name)
+        let mut bytes = Vec::new();
+        let read = self.reader.by_ref().take(MAX_NAME_BYTES.min(self.left)).read_until(0, &mut bytes);
+        self.take(read.map_err(|reason| self.io(reason))? as u64)?;
+        match bytes.pop() {
+            Some(0) if bytes.is_empty() => Err(self.error("holds an image without a name; the file is damaged")),
+            Some(0) => Ok(String::from_utf8_lossy(&bytes).into_owned()),
+            _ => Err(self.truncated()),
+        }
     }
 
     /// Skips `count` records of `bytes` each.
     pub fn skip_records(&mut self, count: u64, bytes: u64) -> Result<(), FrameError> {
         let length = count.checked_mul(bytes).ok_or_else(|| self.truncated())?;
-        self.skip(length).map(|_| ())
+        self.take(length)?;
+        let offset = i64::try_from(length).map_err(|_| self.truncated())?;
+        self.reader.seek_relative(offset).map_err(|reason| self.io(reason))
     }
 }
 
 /// Reads `cameras.bin` and `images.bin` of a COLMAP binary model.
 pub fn read(folder: &Path) -> Result<Vec<GivenCamera>, FrameError> {
     let path = folder.join("cameras.bin");
-    let cameras = read_cameras(&mut Cursor::new(&path, &read_bytes(&path)?))?;
+    let cameras = read_cameras(&mut Cursor::open(&path)?)?;
     let path = folder.join("images.bin");
-    read_images(&mut Cursor::new(&path, &read_bytes(&path)?), &cameras)
+    read_images(&mut Cursor::open(&path)?, &cameras)
 }
 
 /// Cameras by number. One that cannot be used is an error only where an image has it.
 fn read_cameras(file: &mut Cursor<'_>) -> Result<BTreeMap<u32, Result<GivenIntrinsics, String>>, FrameError> {
     let mut cameras = BTreeMap::new();
-    for _ in 0..file.u64()? {
+    for _ in 0..file.count(24)? {
         let id = file.u32()?;
         let model = model_name(file.u32()?.cast_signed());
         let size = [file.u64()?, file.u64()?];
@@ -100,7 +137,7 @@ fn read_images(
     cameras: &BTreeMap<u32, Result<GivenIntrinsics, String>>,
 ) -> Result<Vec<GivenCamera>, FrameError> {
     let mut images = Vec::new();
-    for _ in 0..file.u64()? {
+    for _ in 0..file.count(73)? {
         let _id = file.u32()?;
         let mut v = [0.0f64; 7];
         for value in &mut v {

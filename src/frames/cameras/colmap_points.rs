@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::SparsePoint;
 use super::colmap_binary::Cursor;
 use super::detect::colmap_folder;
-use super::lines::{Line, TextFile, invalid, read_bytes};
+use super::lines::{Line, TextFile, invalid};
 use crate::frames::FrameError;
 
 /// The points of the COLMAP model in `path` (its folder, or one with `sparse/` or `sparse/0`), in the file's order;
@@ -19,7 +19,7 @@ pub fn read_sparse_points(path: &Path) -> Result<Vec<SparsePoint>, FrameError> {
     })?;
     let (binary, text) = (folder.join("points3D.bin"), folder.join("points3D.txt"));
     let points = if folder.join("cameras.bin").is_file() && binary.is_file() {
-        read_binary(&mut Cursor::new(&binary, &read_bytes(&binary)?))?
+        read_binary(&mut Cursor::open(&binary)?)?
     } else if text.is_file() {
         TextFile::read(&text)?.content().map(|line| read_line(line)).collect::<Result<Vec<_>, _>>()?
     } else {
@@ -48,7 +48,7 @@ fn known(error_px: f64) -> Option<f64> {
 
 fn read_binary(file: &mut Cursor<'_>) -> Result<Vec<SparsePoint>, FrameError> {
     let mut points = Vec::new();
-    for _ in 0..file.u64()? {
+    for _ in 0..file.count(51)? {
         let _id = file.u64()?;
         let position = DVec3::new(file.f64()?, file.f64()?, file.f64()?);
         let color = [file.u8()?, file.u8()?, file.u8()?];

@@ -4,6 +4,9 @@ use super::lines::{TextFile, invalid};
 use super::{GivenCameras, colmap_binary, colmap_text, dtu, middlebury, pose_files, trajectory_log, transforms, tum};
 use crate::frames::FrameError;
 
+/// How many files of a folder are read to find out whether they hold poses: the first ones may be damaged.
+const MAX_TRIED: usize = 8;
+
 impl GivenCameras {
     /// Reads the cameras in `path`, whose format is told from names and content: a COLMAP model (its folder or one with
     /// `sparse/` or `sparse/0`), `transforms.json`, TUM trajectory, `.log` trajectory, folder of 4×4 pose files,
@@ -54,7 +57,8 @@ fn read_folder(path: &Path) -> Result<Vec<super::GivenCamera>, FrameError> {
     if !poses.is_empty() {
         return pose_files::read(&poses);
     }
-    if texts.first().is_some_and(|first| TextFile::read(first).is_ok_and(|file| file.numbers::<16>().is_ok())) {
+    let is_pose = |path: &PathBuf| TextFile::read(path).is_ok_and(|file| file.numbers::<16>().is_ok());
+    if texts.iter().take(MAX_TRIED).any(is_pose) {
         return pose_files::read(&texts);
     }
     Err(invalid(
@@ -67,13 +71,14 @@ fn file_name(path: &Path) -> std::borrow::Cow<'_, str> {
     path.file_name().unwrap_or_default().to_string_lossy()
 }
 
-/// The `.txt` files of a folder in order of name.
+/// The `.txt` files of a folder in order of name, without hidden ones.
 fn text_files(folder: &Path) -> Result<Vec<PathBuf>, FrameError> {
     let failed = |reason| FrameError::Io { path: folder.to_owned(), reason };
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
-        if path.extension().is_some_and(|ending| ending == "txt") && path.is_file() {
+        let is_hidden = file_name(&path).starts_with('.'); // macOS writes "._NAME" next to a file
+        if !is_hidden && path.extension().is_some_and(|ending| ending == "txt") && path.is_file() {
             files.push(path);
         }
     }

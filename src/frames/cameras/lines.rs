@@ -22,11 +22,6 @@ pub struct Line<'a> {
     path: &'a Path,
 }
 
-/// Reads a whole file.
-pub fn read_bytes(path: &Path) -> Result<Vec<u8>, FrameError> {
-    disk::read_regular(path).map_err(|reason| FrameError::Io { path: path.to_owned(), reason })
-}
-
 /// A [`FrameError::Invalid`] for `path`.
 pub fn invalid(path: &Path, what: impl Into<String>) -> FrameError {
     FrameError::Invalid { path: path.to_owned(), what: what.into() }
@@ -87,7 +82,9 @@ impl<'a> Line<'a> {
     /// Reads one word of the line.
     pub fn parse<T: FromStr>(&self, word: Option<&str>) -> Result<T, FrameError> {
         let word = word.ok_or_else(|| self.error("ends too early; check that the file is whole"))?;
-        word.parse().map_err(|_| self.error(&format!("'{word}' is not the number expected here")))
+        word.parse()
+            .or_else(|_| usual_spelling(word).parse())
+            .map_err(|_| self.error(&format!("'{word}' is not the number expected here")))
     }
 
     /// All words of the line as numbers.
@@ -100,6 +97,20 @@ impl<'a> Line<'a> {
         let numbers = self.numbers()?;
         let count = numbers.len();
         numbers.try_into().map_err(|_| self.error(&format!("has {count} numbers where {N} belong")))
+    }
+}
+
+/// The usual spelling of a number that is not finite, which programs built with Microsoft's compiler write in their own way;
+/// any other word as it is.
+pub fn usual_spelling(word: &str) -> &str {
+    let lower = word.to_ascii_lowercase();
+    let (sign, rest) = lower.strip_prefix('-').map_or(("", lower.as_str()), |rest| ("-", rest));
+    let starts = |names: &[&str]| names.iter().any(|name| rest.starts_with(name));
+    match sign {
+        _ if rest.starts_with("nan(") || starts(&["1.#qnan", "1.#snan", "1.#ind"]) => "NaN",
+        "-" if starts(&["1.#inf"]) => "-inf",
+        _ if starts(&["1.#inf"]) => "inf",
+        _ => word,
     }
 }
 

@@ -3,12 +3,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::attach::shown_camera;
 use super::lines::invalid;
 use super::{CameraKey, GivenCameras};
+use crate::frames::named::first_of;
 use crate::frames::{Frame, FrameError, PictureSource};
 
 /// Seconds by which a camera's time may differ from its frame's, as in the TUM benchmark's own tools.
 const NEAR_S: f64 = 0.02;
-/// Names listed in a message.
-const NAMED: usize = 4;
 
 impl GivenCameras {
     /// Gives each frame its camera, turned as the frame's picture is: by full name, then by file name alone where that
@@ -58,11 +57,11 @@ impl GivenCameras {
         let (count, path) = (frames.len(), self.path.display());
         let mut warnings = Vec::new();
         if !missing.is_empty() {
-            let names = listed(missing.iter());
+            let names = first_of(missing.iter(), ", ");
             warnings.push(format!("{} of {count} frames have no camera in {path}: {names}", missing.len()));
         }
         if let Some(reason) = first_reason {
-            let (number, names) = (unusable.len(), listed(unusable.iter()));
+            let (number, names) = (unusable.len(), first_of(unusable.iter(), ", "));
             warnings.push(format!(
                 "{number} of {count} frames have no usable camera in {path} and are left without one: {names} ({reason})"
             ));
@@ -103,26 +102,17 @@ impl GivenCameras {
     }
 
     fn no_match(&self, frames: &[Frame]) -> String {
-        let keys = listed(self.cameras.iter().map(|camera| match &camera.key {
+        let keys = self.cameras.iter().map(|camera| match &camera.key {
             CameraKey::Name(name) => name.clone(),
             CameraKey::Index(index) => format!("number {index}"),
             CameraKey::Time(time) => format!("time {time}"),
-        }));
-        let names = listed(frames.iter().map(|frame| frame.name.as_str()));
+        });
+        let keys = first_of(keys, ", ");
+        let names = first_of(frames.iter().map(|frame| &frame.name), ", ");
         format!(
             "no camera belongs to a frame: the cameras are {keys}, the frames {names}; give the cameras of these pictures"
         )
     }
-}
-
-/// The first few names of a list.
-fn listed<S: AsRef<str>>(names: impl ExactSizeIterator<Item = S>) -> String {
-    let more = names.len().saturating_sub(NAMED);
-    let mut text = names.take(NAMED).map(|name| name.as_ref().to_owned()).collect::<Vec<_>>().join(", ");
-    if more > 0 {
-        text.push_str(&format!(" and {more} more"));
-    }
-    text
 }
 
 /// From the most to the least a name says; each level is used only where it is unique on both sides.

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::lines::{TextFile, invalid, pose_from_rows};
+use super::lines::{TextFile, invalid, pose_from_rows, usual_spelling};
 use super::{CameraKey, Focal, GivenCamera, GivenIntrinsics};
 use crate::frames::FrameError;
 use crate::geometry::{Distortion, GeometryError, Pose};
@@ -45,7 +45,7 @@ struct Lens {
     is_fisheye: Option<bool>,
 }
 
-/// A number, or a number written as a string; `NaN` and `Infinity` are numbers too.
+/// A number, or a number written as a string; `NaN` and `Infinity` are numbers too. `null` is what JavaScript writes for NaN.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(try_from = "Value")]
 struct Number(f64);
@@ -55,33 +55,41 @@ impl TryFrom<Value> for Number {
 
     fn try_from(value: Value) -> Result<Self, String> {
         let number = match &value {
-            Value::String(text) => text.trim().parse().ok(),
+            Value::String(text) => usual_spelling(text.trim()).parse().ok(),
+            Value::Null => Some(f64::NAN),
             value => value.as_f64(),
         };
         number.map(Self).ok_or_else(|| format!("{value} is not a number"))
     }
 }
 
-/// Puts quotes around `NaN`, `Infinity` and `-Infinity`: Python writes them into JSON, which has no such numbers.
+/// Puts quotes around `NaN`, `-Infinity` and other spellings of numbers that are not finite: Python and C++ programs write
+/// them into JSON, which has no such numbers.
 fn with_quoted_numbers(json: &str) -> String {
     let mut quoted = String::with_capacity(json.len());
     let (mut rest, mut in_string) = (json, false);
     while let Some(first) = rest.chars().next() {
-        let token = ["NaN", "-Infinity", "Infinity"].iter().find(|token| !in_string && rest.starts_with(**token));
-        let length = match (token, first) {
-            (Some(token), _) => token.len(),
-            (None, '\\') if in_string => 1 + rest.chars().nth(1).map_or(0, char::len_utf8),
-            _ => first.len_utf8(),
+        let word = if in_string { "" } else { rest.split(is_between_words).next().unwrap_or_default() };
+        let is_special = usual_spelling(word).parse::<f64>().is_ok_and(|number| !number.is_finite());
+        let length = match first {
+            '\\' if in_string => 1 + rest.chars().nth(1).map_or(0, char::len_utf8),
+            _ if word.is_empty() => first.len_utf8(),
+            _ => word.len(),
         };
         in_string ^= first == '"';
         let (taken, after) = rest.split_at(length);
-        match token {
-            Some(_) => quoted.extend(["\"", taken, "\""]),
-            None => quoted.push_str(taken),
+        if is_special {
+            quoted.extend(["\"", taken, "\""]);
+        } else {
+            quoted.push_str(taken);
         }
         rest = after;
     }
     quoted
+}
+
+fn is_between_words(c: char) -> bool {
+    c.is_whitespace() || matches!(c, ',' | ':' | '[' | ']' | '{' | '}' | '"')
 }
 
 /// Reads a `transforms.json`.
@@ -107,7 +115,12 @@ fn read_frame(frame: &TransformsFrame, shared: &Lens) -> Result<GivenCamera, Str
     let pose = pose_from_opengl(&rows).map_err(|error| format!("{}: {error}", frame.file_path));
     let name = frame.file_path.replace('\\', "/");
     let key = CameraKey::Name(name.trim_start_matches("./").to_owned());
-    Ok(GivenCamera { key, intrinsics: frame.lens.or(shared).intrinsics()?, camera_from_world: pose })
+    // A lens that cannot be used matters only where the frame is.
+    let (intrinsics, camera_from_world) = match frame.lens.or(shared).intrinsics() {
+        Ok(intrinsics) => (intrinsics, pose),
+        Err(what) => (None, Err(format!("{}: {what}", frame.file_path))),
+    };
+    Ok(GivenCamera { key, intrinsics, camera_from_world })
 }
 
 /// `camera_from_world` with OpenCV axes from a camera-to-world matrix with OpenGL axes.

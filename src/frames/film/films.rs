@@ -75,8 +75,8 @@ impl Films {
     pub fn read(&self, film: &Path, index: u64, time_s: f64, bytes: usize) -> Result<Image, FrameError> {
         input(film)?;
         let known = self.knowledge(film)?;
-        let has_sure_seeks = known.lock().unwrap_or_else(PoisonError::into_inner).has_sure_seeks();
-        let mut lease = self.lease(film, index, if has_sure_seeks { MAX_SKIP } else { u64::MAX });
+        let has_reliable_seeks = known.lock().unwrap_or_else(PoisonError::into_inner).has_reliable_seeks();
+        let mut lease = self.lease(film, index, if has_reliable_seeks { MAX_SKIP } else { u64::MAX });
         let ahead = (AHEAD_BYTES / *MAX_DECODERS / bytes.max(1)).clamp(1, 16);
         let mut mine = known.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let had_damage = mine.damage.is_some();
@@ -99,7 +99,8 @@ impl Films {
         if let Some(known) = locked().get(film) {
             return Ok(known.clone());
         }
-        let stream = Stream::read(&self.programs, film, &Progress::default())?;
+        let mut stream = Stream::read(&self.programs, film, &Progress::default())?;
+        stream.check_times(&self.programs, film, &Progress::default())?;
         let new = || Arc::new(Mutex::new(Knowledge::new(stream)));
         Ok(locked().entry(film.into()).or_insert_with(new).clone())
     }

@@ -26,8 +26,14 @@ pub(super) struct LogParser {
 impl LogParser {
     /// The frame that a line reports, if it reports one.
     pub fn parse(&mut self, line: &str) -> Option<FrameInfo> {
-        self.take_error(line);
-        let (_, info) = line.split_once("] [info] ").filter(|(source, _)| source.contains("_showinfo_"))?;
+        let (source, level, info) = parts(line)?;
+        if matches!(level, "error" | "fatal" | "panic") {
+            self.take_error(source, info);
+            return None;
+        }
+        if level != "info" || !source.starts_with("[Parsed_showinfo_") {
+            return None;
+        }
         if let Some((_, base)) = info.split_once("config in time_base: ") {
             let fraction = base.split(',').next().and_then(|base| base.trim().split_once('/'));
             let parts = fraction.and_then(|(n, d)| Some((n.parse::<f64>().ok()?, d.parse::<f64>().ok()?)));
@@ -46,11 +52,10 @@ impl LogParser {
         })
     }
 
-    fn take_error(&mut self, line: &str) {
-        let at = ["[error] ", "[fatal] ", "[panic] "].iter().find_map(|level| Some(line.find(level)? + level.len()));
-        // What ffmpeg says about its own output is not about the video.
-        if let Some(at) = at.filter(|_| !line.contains("[image2pipe") && !line.contains("[null @")) {
-            self.error.get_or_insert_with(|| line[at..].trim().to_owned());
+    fn take_error(&mut self, source: &str, message: &str) {
+        // What ffmpeg reports about its own output is not about the video.
+        if !source.contains("[image2pipe") && !source.contains("[null @") {
+            self.error.get_or_insert_with(|| message.trim().to_owned());
         }
     }
 
@@ -58,6 +63,21 @@ impl LogParser {
     pub fn last_error(self) -> Option<String> {
         self.error
     }
+}
+
+/// Source, level and message of a line: `[source @ 0x5] [level] message`, with any number of sources. The message may hold
+/// text of the video itself, such as its title, so a level counts only where nothing but sources stands before it.
+fn parts(line: &str) -> Option<(&str, &str, &str)> {
+    let mut at = 0;
+    while line[at..].starts_with('[') {
+        let end = at + line[at..].find("] ")?;
+        let (word, after) = (&line[at + 1..end], end + 2);
+        if matches!(word, "panic" | "fatal" | "error" | "warning" | "info" | "verbose" | "debug" | "trace") {
+            return Some((&line[..at], word, &line[after..]));
+        }
+        at = after;
+    }
+    None
 }
 
 /// The word after `key`, which begins a word itself.
@@ -71,11 +91,13 @@ fn value<'a>(line: &'a str, key: &str) -> Option<&'a str> {
 pub(super) fn read_log(stderr: impl Read, sender: &Sender<FrameInfo>) -> Option<String> {
     let mut parser = LogParser::default();
     let mut reader = BufReader::new(stderr);
-    let mut line = Vec::new();
+    let (mut line, mut is_start) = (Vec::new(), true);
     while reader.by_ref().take(1 << 16).read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
-        if let Some(info) = parser.parse(&String::from_utf8_lossy(&line)) {
+        // The rest of an overlong line may look like a line of its own.
+        if is_start && let Some(info) = parser.parse(&String::from_utf8_lossy(&line)) {
             let _ = sender.send(info); // fails once the decoder is dropped
         }
+        is_start = line.ends_with(b"\n");
         line.clear();
     }
     parser.last_error()
@@ -104,5 +126,21 @@ mod tests {
         let next = parser.parse(&FRAME.replace("1024", "NOPTS").replace("type:I", "type:P")).unwrap();
         assert!(next.pts_s.is_none() && !next.is_intra_key && next.error.is_none());
         assert_eq!(parser.parse("[Parsed_showinfo_0 @ 0x5] [info]   side data - User Data"), None);
+    }
+
+    #[test]
+    fn text_in_the_video_is_neither_a_frame_nor_an_error() {
+        let mut parser = LogParser::default();
+        for title in [FRAME, "a [error] b", "x] [error] b", "[error] b"] {
+            assert_eq!(parser.parse(&format!("[info]     title           : {title}")), None, "{title}");
+            assert_eq!(parser.parse(&format!("    title           : {title}")), None, "{title}");
+        }
+        assert_eq!(parser.parse(&FRAME.replacen("[Parsed_showinfo_0", "[a_showinfo_0", 1)), None);
+        assert!(parser.parse(FRAME).unwrap().error.is_none());
+        assert_eq!(parser.parse("[vist#0:0/h264 @ 0x5] [dec:h264 @ 0x6] [error] no frame"), None);
+        assert_eq!(parser.last_error().as_deref(), Some("no frame"));
+        let (sender, frames) = std::sync::mpsc::channel();
+        let overlong = format!("[info] {}{FRAME}\n", " ".repeat((1 << 16) - "[info] ".len()));
+        assert!(read_log(overlong.as_bytes(), &sender).is_none() && frames.try_recv().is_err());
     }
 }

@@ -6,6 +6,7 @@ use std::sync::mpsc::channel;
 use super::decoder::{Decoder, Start, decoding};
 use super::log::read_log;
 use super::programs::{Programs, command, explained, input, not_started};
+use super::search::SAME_TIME_S;
 use crate::engine::job::Progress;
 use crate::engine::programs::ChildProcess;
 use crate::frames::FrameError;
@@ -26,7 +27,10 @@ pub(in crate::frames) struct Probed {
 /// Seconds between two frames where nothing says so.
 const USUAL_STEP_S: f64 = 0.04;
 
-/// Containers in which every frame has a time of its own and seeking lands on a flagged key frame.
+/// Containers with a coarser clock may give frames of a fast camera the same time.
+const COARSE_CLOCK_S: f64 = 1e-4;
+
+/// Containers in which every frame has a time and seeking lands on a flagged key frame.
 const TIMED_CONTAINERS: [&str; 4] = ["mov", "mp4", "matroska", "webm"];
 
 /// Codecs whose packets are one shown frame each, and whose decoder shows where decoding may begin.
@@ -65,27 +69,32 @@ pub(super) struct Stream {
     /// Where the clock of the file begins, in seconds.
     pub start_s: f64,
     pixels: u64,
+    /// Seconds between two steps of the clock that times are counted in.
+    clock_step_s: f64,
 }
 
 impl Stream {
     /// A stream of which only this is known.
     #[cfg(test)]
     pub fn for_tests(is_seekable: bool) -> Self {
-        Self { is_seekable, start_s: 0.0, pixels: 1 }
+        Self { is_seekable, start_s: 0.0, pixels: 1, clock_step_s: 1e-5 }
     }
 
     /// Reads the header.
     pub fn read(programs: &Programs, path: &Path, progress: &Progress) -> Result<Self, FrameError> {
         let mut stream = None;
         let (mut start_s, mut is_timed) = (0.0, false);
-        let entries = "stream=codec_name,field_order,width,height:format=format_name,start_time";
+        let entries = "stream=codec_name,field_order,width,height,time_base:format=format_name,start_time";
         let errors = ffprobe(programs, path, entries, progress, |line| {
             if let Some(codec) = field(line, "stream|", "codec_name") {
                 let progressive =
                     matches!(field(line, "stream|", "field_order"), None | Some("progressive" | "unknown"));
                 let side = |name| field(line, "stream|", name).and_then(|side| side.parse::<u32>().ok()).unwrap_or(0);
                 let pixels = u64::from(side("width")) * u64::from(side("height"));
-                stream = Some((progressive && SEEKABLE_CODECS.contains(&codec), pixels));
+                let base = field(line, "stream|", "time_base").and_then(|base| base.split_once('/'));
+                let step = base.and_then(|(n, d)| Some(n.parse::<f64>().ok()? / d.parse::<f64>().ok()?));
+                let step_s = step.filter(|step| step.is_finite()).unwrap_or(1.0);
+                stream = Some((progressive && SEEKABLE_CODECS.contains(&codec), pixels, step_s));
             }
             if let Some(names) = field(line, "format|", "format_name") {
                 is_timed = names.split(',').any(|name| TIMED_CONTAINERS.contains(&name));
@@ -94,10 +103,20 @@ impl Stream {
                 start_s = start;
             }
         })?;
-        let Some((is_seekable, pixels)) = stream else {
+        let Some((is_seekable, pixels, clock_step_s)) = stream else {
             return Err(no_film(path, errors.as_deref().unwrap_or("it has no video stream")));
         };
-        Ok(Self { is_seekable: is_seekable && is_timed, start_s, pixels })
+        Ok(Self { is_seekable: is_seekable && is_timed, start_s, pixels, clock_step_s })
+    }
+
+    /// Marks the stream as not seekable where two frames have the same time. Reads all packets where the clock is coarse, as
+    /// in Matroska, whose usual steps are milliseconds.
+    pub fn check_times(&mut self, programs: &Programs, path: &Path, progress: &Progress) -> Result<(), FrameError> {
+        if self.is_seekable && self.clock_step_s >= COARSE_CLOCK_S {
+            let (packets, _) = Packets::read(programs, path, progress)?;
+            self.is_seekable = !packets.has_equal_times();
+        }
+        Ok(())
     }
 }
 
@@ -110,8 +129,7 @@ fn times(
 ) -> Result<(Vec<f64>, Option<String>), FrameError> {
     let mut listed = None;
     if stream.is_seekable {
-        let mut packets = Packets { times_s: Some(Vec::new()), starts_with_key: None };
-        let errors = ffprobe(programs, path, "packet=pts_time,flags", progress, |line| packets.take(line))?;
+        let (packets, errors) = Packets::read(programs, path, progress)?;
         listed = packets.whole().filter(|_| errors.is_none());
         if let Some(times_s) = listed.take_if(|times_s| times_s.len() as u64 * stream.pixels > MAX_SCAN_PIXELS) {
             return Ok((from_start(times_s, stream.start_s), None));
@@ -167,13 +185,27 @@ struct Packets {
 }
 
 impl Packets {
+    /// Reads all packets of the video; also gives ffprobe's first error.
+    fn read(programs: &Programs, path: &Path, progress: &Progress) -> Result<(Self, Option<String>), FrameError> {
+        let mut packets = Self { times_s: Some(Vec::new()), starts_with_key: None };
+        let errors = ffprobe(programs, path, "packet=pts_time,flags", progress, |line| packets.take(line))?;
+        Ok((packets, errors))
+    }
+
+    /// Whether two frames cannot be distinguished by their times.
+    fn has_equal_times(&self) -> bool {
+        let mut times_s = self.times_s.clone().unwrap_or_default();
+        times_s.sort_by(f64::total_cmp);
+        times_s.windows(2).any(|pair| pair[1] - pair[0] <= SAME_TIME_S)
+    }
+
     /// The times in order of presentation, where they are certain: each its own, and none before that of the first key
     /// frame, which could not be decoded.
     fn whole(self) -> Option<Vec<f64>> {
         let mut times_s = self.times_s.filter(|_| self.starts_with_key == Some(true))?;
         let first = *times_s.first()?;
         times_s.sort_by(f64::total_cmp);
-        let is_certain = times_s[0] == first && times_s.windows(2).all(|pair| pair[0] < pair[1]);
+        let is_certain = times_s[0] == first && times_s.windows(2).all(|pair| pair[1] - pair[0] > SAME_TIME_S);
         is_certain.then_some(times_s)
     }
 
@@ -288,6 +320,9 @@ mod tests {
         let times_s = from_start(packets.times_s.clone().unwrap(), 1.0);
         assert_eq!(times_s.len(), 3);
         assert!(times_s.is_sorted() && times_s[0] == 0.0 && (times_s[1] - 0.08).abs() < 1e-9);
+        assert!(!packets.has_equal_times());
+        packets.take("packet|pts_time=1.16|flags=__");
+        assert!(packets.has_equal_times());
         packets.take("packet|pts_time=N/A|flags=__");
         assert!(packets.times_s.is_none());
     }

@@ -16,7 +16,7 @@ pub(super) struct Target {
 }
 
 /// Two times are the same when they differ by less: they are whole steps of the same clock, rounded to microseconds.
-const SAME_TIME_S: f64 = 5e-6;
+pub(super) const SAME_TIME_S: f64 = 5e-6;
 
 /// How long before the frame asked for to seek to, one after the other, where a seek lands too late: behind leading
 /// frames that cannot be decoded without the frames before the key frame.
@@ -57,7 +57,7 @@ impl Knowledge {
     }
 
     /// Whether seeks are believed by the time of what they give.
-    pub fn has_sure_seeks(&self) -> bool {
+    pub fn has_reliable_seeks(&self) -> bool {
         self.stream.is_seekable && !self.is_unseekable && self.damage.is_none()
     }
 
@@ -69,10 +69,10 @@ impl Knowledge {
 
     /// How to start decoding so that `target` is reached, best first.
     fn starts(&self, target: Target, ahead: usize) -> Vec<Start> {
-        let (checksums, single_thread) = (!self.has_sure_seeks(), self.damage.is_some());
+        let (checksums, single_thread) = (!self.has_reliable_seeks(), self.damage.is_some());
         let start = |seek_s| Start { seek_s, ahead, checksums, single_thread };
         let is_seen = (target.index as usize) < self.seen.len();
-        let may_seek = self.has_sure_seeks() || self.damage.is_none() && is_seen;
+        let may_seek = self.has_reliable_seeks() || self.damage.is_none() && is_seen;
         let seeks = RUN_UPS_S.map(|run_up_s| target.time_s - run_up_s).into_iter().filter(|time_s| *time_s > 0.0);
         let seeks = seeks.filter(|_| may_seek && target.index > NEAR_START).map(|time_s| start(Some(time_s)));
         seeks.chain([start(None)]).collect()
@@ -106,7 +106,7 @@ impl Running {
         loop {
             let frame = self.decoder.next().map_err(Missed::Ended)?;
             // Frames that are recognised by their content need no other proof.
-            let counts = known.damage.is_none() && (self.is_from_start || known.has_sure_seeks());
+            let counts = known.damage.is_none() && (self.is_from_start || known.has_reliable_seeks());
             if let Some(error) = frame.info.error.clone().filter(|_| counts) {
                 return Err(Missed::Error(Damage { index: self.next.unwrap_or(target.index), error }));
             }
@@ -129,7 +129,7 @@ impl Running {
                 None => compare_number(number, target),
             };
         }
-        if !known.has_sure_seeks() {
+        if !known.has_reliable_seeks() {
             return self.is_seen_target(seen, target, known);
         }
         let Some(pts_s) = pts_s else { return Err(Missed::Passed) };
@@ -210,7 +210,7 @@ fn start_and_read(
         if is_from_start && target.index > NEAR_START {
             known.is_unseekable = true; // no seek gave it
         }
-        let start = Start { checksums: !known.has_sure_seeks(), ..start };
+        let start = Start { checksums: !known.has_reliable_seeks(), ..start };
         let decoder = Decoder::start(programs, path, start)?;
         let next = is_from_start.then_some(0);
         let mut running = Running { decoder, next, is_from_start, is_single_thread: start.single_thread };
@@ -227,7 +227,7 @@ fn start_and_read(
 }
 
 impl Knowledge {
-    /// Takes in what another thread found out.
+    /// Adds what another thread found out.
     pub fn learn_from(&mut self, other: Self) {
         self.is_unseekable |= other.is_unseekable;
         self.damage = self.damage.take().or(other.damage);
@@ -236,7 +236,7 @@ impl Knowledge {
         }
     }
 
-    /// Takes in an error of ffmpeg. After a seek it may only mean that frames before were missing.
+    /// Adds an error of ffmpeg. After a seek it may only mean that frames before were missing.
     fn learn(&mut self, damage: Damage, is_from_start: bool) {
         if is_from_start {
             self.damage.get_or_insert(damage);

@@ -46,7 +46,7 @@ fn check(request: &OpenRequest) -> Result<(), FrameError> {
         return Err(FrameError::NotFound("no frames are given; name a folder of pictures, a picture or a film".into()));
     }
     if request.every == 0 {
-        return Err(FrameError::NotFound("every 0th frame is none; give 1 or more".into()));
+        return Err(FrameError::NotFound("the step between frames must be 1 or more".into()));
     }
     let units = [request.depth_unit, request.float_depth_unit];
     if let Some(unit) = units.into_iter().find(|unit| !(unit.is_finite() && *unit > 0.0)) {

@@ -1,18 +1,20 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
 use super::source::{Item, Origin};
 use crate::engine::job::Progress;
 use crate::frames::cameras::GivenDepthCamera;
-use crate::frames::decode::not_depth;
+use crate::frames::decode::{float_white, not_depth, opaque_pixels};
 use crate::frames::header::{Content, Header, check_complete, read_header};
+use crate::frames::named::{NAMED, first_of};
 use crate::frames::{DepthSource, Frame, FrameError, Orientation, PictureSource};
 use crate::geometry::{GeometryError, Turn};
 
-/// How many frames a warning names.
-const NAMED: usize = 3;
+/// Images whose colours are floats are decoded one at a time: they are large.
+static FLOAT_COLORS: Mutex<()> = Mutex::new(());
 
 /// What is known of the depths of all sources.
 pub(super) struct Sensor {
@@ -29,6 +31,8 @@ struct Read {
     frame: Frame,
     content: Content,
     has_float_depth: bool,
+    /// The value of white, where its colours are floats.
+    float_white: Option<f32>,
     /// Why its image cannot be read. Its size is the real one only where the header could be read.
     problem: Option<FrameError>,
     has_size: bool,
@@ -67,6 +71,7 @@ pub(super) fn read_frames(
         warn_of_missing_depth(&read),
         warn_of_float_depth(&read, sensor),
         warn_of_depth_as_pictures(&read),
+        warn_of_float_colors(&read),
         warn_of_alpha(&read),
     ];
     Ok((read.into_iter().map(|read| read.frame).collect(), warnings.into_iter().flatten().collect()))
@@ -83,10 +88,17 @@ fn give_sizes(read: &mut [Read]) {
 }
 
 fn frame_of(item: &Item, sensor: &Sensor) -> Result<Read, FrameError> {
+    let mut float = None;
     let (picture, header, problem) = match &item.origin {
         Origin::File(path) => {
             let (header, problem) = match read_header(path) {
                 Ok(header) if header.is_only_depth() => (Some(header), Some(only_depth(path))),
+                Ok(header) if header.content.is_float_color() => {
+                    let _one = FLOAT_COLORS.lock().unwrap_or_else(PoisonError::into_inner);
+                    let white = float_white(path);
+                    float = white.as_ref().ok().copied();
+                    (Some(header), white.err())
+                }
                 Ok(header) => (Some(header), check_complete(path).err()),
                 Err(stopped @ FrameError::Stopped(_)) => return Err(stopped),
                 Err(error) => (None, Some(error)),
@@ -113,7 +125,8 @@ fn frame_of(item: &Item, sensor: &Sensor) -> Result<Read, FrameError> {
         header.unwrap_or(Header { width: 1, height: 1, orientation: Orientation::default(), content: Content::Color });
     let (width, height) = header.orientation.shown_size(header.width, header.height);
     let frame = Frame { name: item.name.clone(), width, height, picture, depth, camera: None };
-    Ok(Read { frame, content: header.content, has_float_depth, problem, has_size, depth_problem })
+    let content = header.content;
+    Ok(Read { frame, content, has_float_depth, float_white: float, problem, has_size, depth_problem })
 }
 
 fn only_depth(path: &Path) -> FrameError {
@@ -170,12 +183,7 @@ impl Sensor {
 }
 
 fn warn_of_problems(read: &[Read]) -> Option<String> {
-    let reasons = |problems: &[&FrameError]| {
-        let more = problems.len().saturating_sub(NAMED);
-        let more = if more > 0 { format!("; and {more} more") } else { String::new() };
-        let first: Vec<String> = problems.iter().take(NAMED).map(ToString::to_string).collect();
-        format!("{}{more}", first.join("; "))
-    };
+    let reasons = |problems: &[&FrameError]| first_of(problems.iter(), "; ");
     let images: Vec<&FrameError> = read.iter().filter_map(|read| read.problem.as_ref()).collect();
     let depths: Vec<&FrameError> = read.iter().filter_map(|read| read.depth_problem.as_ref()).collect();
     let images = (!images.is_empty()).then(|| {
@@ -215,14 +223,40 @@ fn warn_of_depth_as_pictures(read: &[Read]) -> Option<String> {
 }
 
 fn warn_of_alpha(read: &[Read]) -> Option<String> {
-    let alpha = read.iter().filter(|read| read.content == Content::ColorAlpha).map(|read| &read.frame);
+    let alpha = read.iter().filter(|read| read.content.has_alpha()).map(|read| &read.frame);
     let alpha: Vec<&Frame> = alpha.collect();
-    if alpha.is_empty() {
+    // Many programs write an alpha channel into images that are opaque everywhere.
+    let samples = [0, alpha.len() / 2, alpha.len().saturating_sub(1)];
+    if !samples.into_iter().filter_map(|at| alpha.get(at)).any(|frame| is_transparent(frame)) {
         return None;
     }
     let (count, all, names) = (alpha.len(), read.len(), some_names(&alpha));
     Some(format!(
         "{count} of {all} images have an alpha channel: transparent pixels are shown in grey and give no features: {names}"
+    ))
+}
+
+/// Whether an image has transparent pixels. One that cannot be decoded has none.
+fn is_transparent(frame: &Frame) -> bool {
+    match &frame.picture {
+        PictureSource::File { path, orientation } => {
+            opaque_pixels(path, *orientation, &|_| Ok(())).is_ok_and(|opaque| opaque.is_some())
+        }
+        PictureSource::Film { .. } => false,
+    }
+}
+
+fn warn_of_float_colors(read: &[Read]) -> Option<String> {
+    let divided: Vec<(&Frame, f32)> =
+        read.iter().filter_map(|read| Some((&read.frame, read.float_white.filter(|&white| white > 1.0)?))).collect();
+    if divided.is_empty() {
+        return None;
+    }
+    let names = first_of(divided.iter().map(|(frame, white)| format!("{} by {white}", frame.name)), ", ");
+    let count = divided.len();
+    Some(format!(
+        "the colours of {count} images are floats beyond 1 and are divided: {names}; if that is wrong, convert the images \
+         to PNG"
     ))
 }
 

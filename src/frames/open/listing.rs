@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use super::natural::natural_order;
 use crate::frames::FrameError;
 use crate::frames::header::FORMATS;
+use crate::frames::named::first_of;
 
 /// The endings of image files, in lower case.
 pub(super) const PICTURE_ENDINGS: [&str; 8] = ["jpg", "jpeg", "png", "tif", "tiff", "webp", "jfif", "jpe"];
@@ -38,9 +39,6 @@ const SYSTEM_FOLDERS: [&str; 16] = [
 /// How the names of files begin that network storage makes of an image, in lower case.
 const THUMBNAIL_STARTS: [&str; 4] = ["synophoto_thumb", "synophoto_film", "synofile_thumb", "synovideo_"];
 
-/// How many files or folders a warning names.
-const NAMED: usize = 3;
-
 /// A file below a folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Listed {
@@ -59,6 +57,8 @@ pub(super) struct FolderContent {
     unsupported: Vec<String>,
     /// Folders of systems and thumbnails.
     system: Vec<String>,
+    /// Images and folders whose names are not valid UTF-8, as they can be shown.
+    not_utf8: Vec<String>,
 }
 
 impl FolderContent {
@@ -66,42 +66,67 @@ impl FolderContent {
     pub fn warnings(&self, folder: &Path) -> Vec<String> {
         let unsupported = self.unsupported().map(|what| format!("{}: {what}", folder.display()));
         let system = (!self.system.is_empty()).then(|| {
-            let (count, names) = (self.system.len(), first_names(&self.system));
+            let (count, names) = (self.system.len(), first_of(self.system.iter(), ", "));
             format!("{}: {count} folders or thumbnails of the system are left out: {names}", folder.display())
         });
-        unsupported.into_iter().chain(system).collect()
+        let not_utf8 = self.not_utf8().map(|what| format!("{}: {what}", folder.display()));
+        [unsupported, system, not_utf8].into_iter().flatten().collect()
     }
 
-    /// What is to be said of the images that cannot be read; `None` where there are none.
-    pub fn unsupported(&self) -> Option<String> {
+    /// Describes what was left out and could be opened after a change; empty where there is nothing.
+    pub fn left_out(&self) -> String {
+        [self.unsupported(), self.not_utf8()].into_iter().flatten().map(|what| format!("; {what}")).collect()
+    }
+
+    fn not_utf8(&self) -> Option<String> {
+        if self.not_utf8.is_empty() {
+            return None;
+        }
+        let (count, names) = (self.not_utf8.len(), first_of(self.not_utf8.iter(), ", "));
+        Some(format!(
+            "{count} images or folders are left out, because their names are not valid UTF-8: {names}; rename them"
+        ))
+    }
+
+    /// Describes the images in formats that cannot be read; `None` where there are none.
+    fn unsupported(&self) -> Option<String> {
         if self.unsupported.is_empty() {
             return None;
         }
-        let (count, names) = (self.unsupported.len(), first_names(&self.unsupported));
-        let ends = |endings: &[&str]| self.unsupported.iter().any(|name| ending_is(Path::new(name), endings));
-        let how = if ends(&["heic", "heif", "hif", "avif"]) {
-            "convert HEIC with 'heif-convert IMAGE.heic IMAGE.jpg', or set the phone to save JPEG"
-        } else {
-            "convert them, e.g. with ImageMagick: 'magick mogrify -format png FILES'"
-        };
+        let (count, names) = (self.unsupported.len(), first_of(self.unsupported.iter(), ", "));
+        let how = how_to_convert(self.unsupported.iter().map(String::as_str));
         Some(format!("{count} images are left out, because only {FORMATS} can be read: {names}; {how}"))
     }
 }
 
-fn first_names(names: &[String]) -> String {
-    let more = names.len().saturating_sub(NAMED);
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    format!("{}{more}", names[..names.len().min(NAMED)].join(", "))
+fn how_to_convert<'a>(mut names: impl Iterator<Item = &'a str>) -> &'static str {
+    if names.any(|name| ending_is(Path::new(name), &["heic", "heif", "hif", "avif"])) {
+        "convert HEIC with 'heif-convert IMAGE.heic IMAGE.jpg', or set the phone to save JPEG"
+    } else {
+        "convert them, e.g. with ImageMagick: 'magick mogrify -format png FILES'"
+    }
+}
+
+/// The error for a file whose name ends as images that cannot be read do; `None` for other names, and for GIF, which
+/// ffmpeg reads as a video.
+pub(super) fn unsupported_image(path: &Path) -> Option<FrameError> {
+    let is_unsupported = ending_is(path, &UNSUPPORTED_ENDINGS) && !ending_is(path, &["gif"]);
+    is_unsupported.then(|| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let how = how_to_convert([&*name].into_iter());
+        FrameError::Invalid { path: path.into(), what: format!("only {FORMATS} images can be read; {how}") }
+    })
 }
 
 /// The images in a folder and its subfolders. Hidden files and folders, and those of systems, are skipped.
 pub(super) fn list_pictures(folder: &Path) -> Result<FolderContent, FrameError> {
     let mut walk = Walk { found: FolderContent::default(), entered: BTreeSet::new() };
     walk.enter(folder, "")?;
-    let FolderContent { pictures, unsupported, system } = &mut walk.found;
+    let FolderContent { pictures, unsupported, system, not_utf8 } = &mut walk.found;
     pictures.sort_by(|a, b| natural_order(&a.name, &b.name));
-    unsupported.sort_by(|a, b| natural_order(a, b));
-    system.sort_by(|a, b| natural_order(a, b));
+    for names in [unsupported, system, not_utf8] {
+        names.sort_by(|a, b| natural_order(a, b));
+    }
     Ok(walk.found)
 }
 
@@ -169,11 +194,34 @@ impl Walk {
             self.found.unsupported.push(name);
             return Ok(());
         }
-        text_of(&path)?;
+        if path.to_str().is_none() {
+            self.found.not_utf8.push(name);
+            return Ok(());
+        }
         if is_folder {
             return self.enter(&path, &name);
         }
         self.found.pictures.push(Listed { name, path });
         Ok(())
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+
+    use super::*;
+
+    #[test]
+    fn names_that_are_not_utf8_are_left_out_with_a_warning() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.png"), "").unwrap();
+        std::fs::write(folder.path().join(OsStr::from_bytes(b"b\xe9.png")), "").unwrap();
+        std::fs::create_dir(folder.path().join(OsStr::from_bytes(b"c\xe9"))).unwrap();
+        let found = list_pictures(folder.path()).unwrap();
+        assert_eq!(found.pictures.iter().map(|listed| listed.name.as_str()).collect::<Vec<_>>(), ["a.png"]);
+        let warnings = found.warnings(folder.path());
+        assert!(warnings.len() == 1 && warnings[0].contains("2 images or folders are left out"), "{warnings:?}");
     }
 }

@@ -3,12 +3,12 @@ use std::path::{Path, PathBuf};
 use super::depth::{pair, warn_of_tum_unit, with_depth};
 use super::headers::Sensor;
 use super::layout::{beside_depth, recognise, split_by_name};
-use super::listing::{Listed, PICTURE_ENDINGS, has_picture_ending, list_pictures, text_of};
+use super::listing::{Listed, PICTURE_ENDINGS, has_picture_ending, list_pictures, text_of, unsupported_image};
 use super::pairing::without_ending;
 use super::request::FrameFolder;
 use crate::engine::job::Progress;
 use crate::frames::film::{Probed, probe};
-use crate::frames::header::is_picture;
+use crate::frames::header::{FileKind, kind_of_file};
 use crate::frames::{FrameError, PictureSource};
 
 /// The pictures of one source, in order.
@@ -110,10 +110,10 @@ impl Listing<'_> {
     fn pictures_in(&mut self, place: &Path) -> Result<Vec<Listed>, FrameError> {
         let found = list_pictures(place)?;
         if found.pictures.is_empty() {
-            let unsupported = found.unsupported().map_or_else(String::new, |what| format!("; {what}"));
+            let left_out = found.left_out();
             return Err(FrameError::NotFound(format!(
                 "{}: no pictures in this folder or below it (looked for names ending in {}); give a folder of pictures, \
-                 or a film by its own path{unsupported}",
+                 or a film by its own path{left_out}",
                 place.display(),
                 PICTURE_ENDINGS.join(", ")
             )));
@@ -190,7 +190,15 @@ fn kind_of(place: &Path) -> Result<Kind, FrameError> {
     if place.is_dir() {
         return Ok(Kind::Folder);
     }
-    Ok(if has_picture_ending(place) || is_picture(place)? { Kind::Picture } else { Kind::Film })
+    if has_picture_ending(place) {
+        return Ok(Kind::Picture);
+    }
+    // By the content where that is clear. Raw files of cameras begin like TIFF.
+    match (kind_of_file(place)?, unsupported_image(place)) {
+        (FileKind::Image, _) | (FileKind::Tiff, None) => Ok(Kind::Picture),
+        (_, Some(error)) | (FileKind::Heif(error), None) => Err(error),
+        (FileKind::Other, None) => Ok(Kind::Film),
+    }
 }
 
 /// The absolute path of what the user named, with its own last name kept even where that is a link.

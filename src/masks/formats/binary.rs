@@ -3,16 +3,18 @@ use std::path::Path;
 
 use super::adopt::{Adoption, Newcomer};
 use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
-use super::files::{FoundFile, in_parallel, invalid, list_files, write_whole};
+use super::files::{FoundFile, in_parallel, invalid, list_files, unless_stopped, write_whole};
 use super::frame_names::NameIndex;
 use super::labels_json::{listed_labels, write_labels_json};
 use super::layers::{contested_warning, stacked};
-use super::png_values::{PngValues, Stored, encode_png};
+use super::png_values::{HowRead, PngValues, Stored, encode_png, reconcile_cut_outs};
+use super::skipped::Skipped;
+use crate::engine::disk;
 use crate::engine::job::Progress;
 use crate::masks::{LabelId, LabelTree, MaskError, RunMask};
 
 /// Reads `LABEL/FRAME.png`. A folder is a label by its name, else by its number; a pixel is inside where its value is
-/// more than half of the highest in the file.
+/// more than half of the highest in the label's files.
 pub(super) fn import(
     dir: &Path,
     frames: &[MaskFrame<'_>],
@@ -25,24 +27,24 @@ pub(super) fn import(
     let listed = listed_labels(dir)?;
     let names = adopted_folders(&mut adoption, listed.tree.as_ref())?;
     let mut unmatched = Vec::new();
-    let mut by_frame: BTreeMap<usize, Vec<(LabelId, &FoundFile)>> = BTreeMap::new();
-    for (folder, files) in &folders {
+    let mut files: Vec<LabelFile<'_>> = Vec::new();
+    for (folder, found) in &folders {
         let label = folder_label(folder, &names, &mut adoption)?;
-        let matched = index.match_files(&dir.join(folder), files)?;
+        let matched = index.match_files(&dir.join(folder), found)?;
         unmatched.extend(matched.unmatched.iter().map(|file| file.stem.as_str()));
-        for (frame, file) in matched.pairs {
-            by_frame.entry(frame).or_default().push((label, file));
-        }
+        files.extend(matched.pairs.into_iter().map(|(frame, file)| LabelFile { label, folder, frame, file }));
     }
-    if by_frame.is_empty() {
+    if files.is_empty() {
         return Err(nothing_fits(dir, unmatched.first().copied().unwrap_or_default(), frames));
     }
-    let jobs: Vec<(usize, Vec<(LabelId, &FoundFile)>)> = by_frame.into_iter().collect();
-    let read = in_parallel(&jobs, progress, |(frame, files)| frame_mask(&frames[*frame], files, adoption.tree()))?;
+    let mut skipped = Skipped::default();
+    let objects = read_files(&files, frames, &mut skipped, progress)?;
+    let jobs: Vec<(usize, Vec<(LabelId, Object)>)> = objects.into_iter().collect();
+    let read = in_parallel(&jobs, progress, |(frame, objects)| frame_mask(&frames[*frame], objects, adoption.tree()))?;
     let contested = read.iter().map(|(_, contested)| contested).sum();
     let masks = jobs.iter().map(|job| job.0).zip(read.into_iter().map(|(mask, _)| mask)).collect();
     let decided = unmatched_warning(&unmatched).into_iter().chain(contested_warning(contested));
-    let warnings = listed.warning.into_iter().chain(decided).collect();
+    let warnings = listed.warning.into_iter().chain(decided).chain(skipped.warnings()).collect();
     Ok(Imported { masks, new_labels: adoption.into_added(), warnings })
 }
 
@@ -112,21 +114,98 @@ fn highest_number<'n>(folders: impl Iterator<Item = &'n String>) -> LabelId {
     LabelId(folders.filter_map(|folder| folder.parse().ok()).max().unwrap_or(0))
 }
 
+/// A file with the mask of one label in one frame.
+struct LabelFile<'f> {
+    label: LabelId,
+    folder: &'f str,
+    frame: usize,
+    file: &'f FoundFile,
+}
+
+impl LabelFile<'_> {
+    fn place(&self) -> String {
+        format!("'{}/{}'", self.folder, self.file.stem)
+    }
+}
+
+/// The values of a label's mask, and the lowest that is inside.
+struct Object {
+    mask: RunMask,
+    lowest: u32,
+}
+
+/// Reads the files that can be read, by frame; the others are counted. A label's files share the highest value, so that
+/// a frame with a little noise does not become an object.
+///
+/// # Errors
+/// The first file's error when none can be used.
+fn read_files(
+    files: &[LabelFile<'_>],
+    frames: &[MaskFrame<'_>],
+    skipped: &mut Skipped,
+    progress: &Progress,
+) -> Result<BTreeMap<usize, Vec<(LabelId, Object)>>, MaskError> {
+    let read_file = |label_file: &LabelFile<'_>| {
+        let MaskFrame { name, width, height } = frames[label_file.frame];
+        let path = &label_file.file.path;
+        let read = PngValues::read(path, Some((name, width, height)))?.into_ids(path, None)?;
+        Ok((RunMask::encode(&read.mask), read.how))
+    };
+    let results = in_parallel(files, progress, |file| unless_stopped(read_file(file)))?;
+    let mut first_error = None;
+    let mut by_label: BTreeMap<LabelId, Vec<(&LabelFile<'_>, RunMask, HowRead)>> = BTreeMap::new();
+    for (file, result) in files.iter().zip(results) {
+        match result {
+            Ok((mask, how)) => by_label.entry(file.label).or_default().push((file, mask, how)),
+            Err(error) => {
+                skipped.add_unreadable(&error);
+                first_error.get_or_insert(error);
+            }
+        }
+    }
+    if let Some(error) = first_error.filter(|_| by_label.is_empty()) {
+        return Err(error);
+    }
+    let mut objects: BTreeMap<usize, Vec<(LabelId, Object)>> = BTreeMap::new();
+    for (label, mut read) in by_label {
+        reconcile_cut_outs(read.iter_mut().map(|(_, mask, how)| (mask, how)));
+        let in_steps = |how: &HowRead| !how.alpha.is_cut_out() && !how.is_bilevel;
+        let highest = read.iter().filter(|(_, _, how)| in_steps(how)).map(|(_, mask, _)| highest_value(mask)).max();
+        let highest = highest.unwrap_or_default();
+        for (file, mask, how) in read {
+            // Twice the value must be above the highest and one: 128 of 255 is the middle of a trimap.
+            let lowest = if in_steps(&how) { ((highest + 1) / 2 + 1).min(highest).max(1) } else { 1 };
+            for what in how.warnings() {
+                skipped.add(what, file.place());
+            }
+            if (1..lowest).contains(&highest_value(&mask)) {
+                let what = "masks have values only up to half of the highest of their label, and became empty";
+                skipped.add(what, file.place());
+            }
+            objects.entry(file.frame).or_default().push((label, Object { mask, lowest }));
+        }
+    }
+    Ok(objects)
+}
+
+fn highest_value(mask: &RunMask) -> u32 {
+    mask.runs.iter().map(|run| u32::from(run.0.0)).max().unwrap_or_default()
+}
+
 fn frame_mask(
     frame: &MaskFrame<'_>,
-    files: &[(LabelId, &FoundFile)],
+    objects: &[(LabelId, Object)],
     tree: &LabelTree,
 ) -> Result<(RunMask, usize), MaskError> {
-    let (mask, contested) = stacked((frame.width, frame.height), files.to_vec(), tree, |file, emit| {
-        let values = PngValues::read(&file.path, Some((frame.name, frame.width, frame.height)))?;
-        let ids = values.into_ids(&file.path, None)?.mask.ids;
-        let half = ids.iter().map(|id| id.0).max().unwrap_or(0) / 2;
+    let layers = objects.iter().map(|(label, object)| (*label, object)).collect();
+    let (mask, contested) = stacked((frame.width, frame.height), layers, tree, |object, emit| {
         let mut start = 0;
-        for run in ids.chunk_by(|a, b| (a.0 > half) == (b.0 > half)) {
-            if run[0].0 > half {
-                emit(start..start + run.len());
+        for &(value, length) in &object.mask.runs {
+            let end = start + length as usize;
+            if u32::from(value.0) >= object.lowest {
+                emit(start..end);
             }
-            start += run.len();
+            start = end;
         }
         Ok(())
     })?;
@@ -134,7 +213,7 @@ fn frame_mask(
 }
 
 /// A folder name per label: its name with characters that file systems refuse put as `_`; with its id behind where two
-/// labels would share a folder.
+/// labels would share a folder, or where the import would skip it as one of a system.
 fn folder_names(tree: &LabelTree) -> BTreeMap<LabelId, String> {
     let plain = |name: &str| -> String {
         let refused = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
@@ -147,7 +226,8 @@ fn folder_names(tree: &LabelTree) -> BTreeMap<LabelId, String> {
         *uses.entry(plain(&label.name).to_lowercase()).or_default() += 1;
     }
     let folder = |name: String, id: LabelId| {
-        if uses.get(&name.to_lowercase()) == Some(&1) { name } else { format!("{name}_{}", id.0) }
+        let is_free = uses.get(&name.to_lowercase()) == Some(&1) && !disk::is_system_file(&name);
+        if is_free { name } else { format!("{name}_{}", id.0) }
     };
     tree.iter().map(|label| (label.id, folder(plain(&label.name), label.id))).collect()
 }

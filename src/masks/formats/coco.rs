@@ -46,8 +46,9 @@ pub(super) fn import(
     let CategoryLabels { labels, warnings } =
         adopt_categories(&categories, &used, &mut adoption).map_err(|error| invalid(&path, error.to_string()))?;
     let jobs: Vec<(usize, Vec<Drawn<'_>>)> = annotations.into_iter().collect();
-    let read =
-        in_parallel(&jobs, progress, |(frame, drawn)| frame_mask(&frames[*frame], drawn, &labels, adoption.tree()))?;
+    let read = in_parallel(&jobs, progress, |(frame, drawn)| {
+        frame_mask(&frames[*frame], drawn, (&labels, adoption.tree()), progress)
+    })?;
     let mut masks = BTreeMap::new();
     let mut contested = 0;
     for ((frame, _), read) in jobs.iter().zip(read) {
@@ -180,6 +181,7 @@ fn images_by_frame<'i>(
     let mut found = Images { frame_of_id: BTreeMap::new(), unmatched: Vec::new() };
     let mut listed: BTreeMap<&Id, &str> = BTreeMap::new();
     let mut entry_of_name: BTreeSet<&str> = BTreeSet::new();
+    let mut first_fault = None;
     for (image, name) in images.into_iter().zip(&names) {
         if let Some(other) = listed.insert(&image.id, name).filter(|other| other != name) {
             let what = format!("the image id {} is listed for '{other}' and for '{name}'; give each its own", image.id);
@@ -189,9 +191,8 @@ fn images_by_frame<'i>(
         if !entry_of_name.insert(name) {
             skipped.add("images are listed more than once; the annotations of all entries were taken", place());
         }
-        let frame = frame_of_name.get(Path::new(name)).copied();
-        found.frame_of_id.insert(&image.id, frame);
-        let Some(frame) = frame else {
+        let Some(&frame) = frame_of_name.get(Path::new(name)) else {
+            found.frame_of_id.insert(&image.id, None);
             found.unmatched.push(&image.file_name);
             continue;
         };
@@ -199,11 +200,18 @@ fn images_by_frame<'i>(
         match image.width.zip(image.height) {
             None => skipped.add("images have no size; their outlines are taken to be in the frame's pixels", place()),
             Some(its) if its != size => {
-                let fault = size_fault(its, frames[frame].name, size);
-                return Err(invalid(path, format!("the image '{}' {fault}", image.file_name)));
+                let fault = format!("the image {} {}", place(), size_fault(its, frames[frame].name, size));
+                skipped.add("images have another size than their frame and were left out", fault.clone());
+                first_fault.get_or_insert(fault);
+                found.frame_of_id.insert(&image.id, None);
+                continue;
             }
             Some(_) => {}
         }
+        found.frame_of_id.insert(&image.id, Some(frame));
+    }
+    if let Some(fault) = first_fault.filter(|_| found.frames().is_empty()) {
+        return Err(invalid(path, fault));
     }
     if found.frames().is_empty() {
         return Err(nothing_fits(path, found.unmatched.first().copied().unwrap_or_default(), frames));
@@ -238,8 +246,8 @@ struct FrameMask {
 fn frame_mask(
     frame: &MaskFrame<'_>,
     drawn: &[Drawn<'_>],
-    labels: &BTreeMap<&Id, LabelId>,
-    tree: &LabelTree,
+    (labels, tree): (&BTreeMap<&Id, LabelId>, &LabelTree),
+    progress: &Progress,
 ) -> Result<FrameMask, MaskError> {
     let mut skipped = Skipped::default();
     let mut layers = Vec::new();
@@ -254,6 +262,7 @@ fn frame_mask(
     }
     let skipped = RefCell::new(skipped);
     let (mask, contested) = stacked((frame.width, frame.height), layers, tree, |(id, outline), emit| {
+        progress.check()?;
         draw(outline, (frame.width, frame.height), emit, &mut |what, detail| {
             skipped.borrow_mut().add(what, format!("annotation {id}{detail}"));
         });
@@ -384,4 +393,25 @@ fn categories(export: &Export<'_>) -> Result<Vec<Category>, MaskError> {
 
 fn image_id(frame: usize) -> Id {
     (frame as i64 + 1).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_is_noticed_between_annotations() {
+        let text = r#"{"images": [], "annotations":
+            [{"id": 1, "image_id": 1, "category_id": 1, "segmentation": [[0, 0, 2, 0, 2, 2]]}]}"#;
+        let dataset = coco_json::parse(text).unwrap();
+        let annotation = dataset.annotations[0].read().unwrap();
+        let drawn = [Drawn { annotation, outline: outline_of(annotation).unwrap() }];
+        let labels = BTreeMap::from([(&annotation.category_id, LabelId(1))]);
+        let frame = MaskFrame { name: "a.jpg", width: 4, height: 3 };
+        let progress = Progress::default();
+        let read = |progress| frame_mask(&frame, &drawn, (&labels, &LabelTree::default()), progress);
+        assert!(read(&progress).is_ok());
+        progress.stop();
+        assert!(matches!(read(&progress), Err(MaskError::Stopped(_))));
+    }
 }

@@ -6,14 +6,22 @@ use rayon::prelude::*;
 
 use super::adopt::Adoption;
 use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
-use super::files::{FoundFile, in_parallel, invalid, list_files, write_whole};
+use super::files::{FoundFile, in_parallel, invalid, list_files, unless_stopped, write_whole};
 use super::frame_names::NameIndex;
-use super::grey_kinds::{EdgeStatistics, White, is_black_and_white, is_soft, meaning_of_white, white_as_one};
+use super::grey_kinds::{
+    EdgeStatistics, White, covers_most, is_black_and_white, may_be_soft, may_be_soft_edges, meaning_of_white,
+    white_as_one,
+};
 use super::labels_json::{Listed, ids_of_colors, listed_labels, write_labels_json};
-use super::png_values::{PngValues, Stored, encode_png};
+use super::png_values::{HowRead, PngValues, Stored, encode_png, reconcile_cut_outs};
 use super::skipped::Skipped;
 use crate::engine::job::Progress;
 use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, RunMask};
+
+/// More labels than this that are named after their numbers are reported: they may be no ids.
+const MAX_UNREPORTED: usize = 20;
+/// Most ids that a message names.
+const MAX_NAMED_IDS: usize = 10;
 
 /// Encodes a mask as PNG: pixel value = label id, 8-bit palette with the labels' colours (0 = black); 16-bit grey once
 /// an id exceeds 255. Fast, with light compression.
@@ -38,6 +46,14 @@ pub fn read_palette_png(path: &Path) -> Result<LabelMask, MaskError> {
     Ok(PngValues::read(path, None)?.into_ids(path, None)?.mask)
 }
 
+/// As [`read_palette_png`], of a frame (name, width, height): a mask of another size is refused by its header.
+///
+/// # Errors
+/// As [`read_palette_png`], and for another size.
+pub fn read_palette_png_of(path: &Path, frame: (&str, u32, u32)) -> Result<LabelMask, MaskError> {
+    Ok(PngValues::read(path, Some(frame))?.into_ids(path, None)?.mask)
+}
+
 /// All ids in masks, 0 among them.
 pub(in crate::masks) fn ids_in<'m>(masks: impl IntoIterator<Item = &'m RunMask>) -> BTreeSet<LabelId> {
     masks.into_iter().flat_map(|mask| mask.runs.iter().map(|run| run.0)).collect()
@@ -45,7 +61,8 @@ pub(in crate::masks) fn ids_in<'m>(masks: impl IntoIterator<Item = &'m RunMask>)
 
 /// What is read of the files before their values are understood.
 struct ReadFiles {
-    masks: Vec<RunMask>,
+    /// By frame; files that cannot be used are left out.
+    masks: Vec<(usize, RunMask)>,
     /// Every value in any of them.
     ids: BTreeSet<LabelId>,
     /// What was left out or decided.
@@ -67,17 +84,18 @@ pub(super) fn import(
     let listed = listed_labels(dir)?;
     let read = read_files(&matched.pairs, frames, &listed, progress)?;
     let mut warnings: Vec<String> = listed.warning.clone().into_iter().collect();
-    let masks = understood(dir, read.masks, &read.ids, (&listed, tree), &mut warnings)?;
-    let (masks, adoption) = with_labels(&masks, listed.tree.as_ref(), tree)?;
+    let (matched_frames, masks): (Vec<usize>, Vec<RunMask>) = read.masks.into_iter().unzip();
+    let masks = understood(dir, masks, &read.ids, (&listed, tree), &mut warnings)?;
+    let (masks, adoption) = with_labels(&masks, listed.tree.as_ref(), tree, &mut warnings)?;
     let unmatched: Vec<&str> = matched.unmatched.iter().map(|file| file.stem.as_str()).collect();
     warnings.extend(unmatched_warning(&unmatched).into_iter().chain(read.skipped.warnings()));
-    Ok(Imported {
-        masks: matched.pairs.iter().map(|pair| pair.0).zip(masks).collect(),
-        new_labels: adoption.into_added(),
-        warnings,
-    })
+    Ok(Imported { masks: matched_frames.into_iter().zip(masks).collect(), new_labels: adoption.into_added(), warnings })
 }
 
+/// Reads the files that can be read.
+///
+/// # Errors
+/// The first file's error when none can be used.
 fn read_files(
     pairs: &[(usize, &FoundFile)],
     frames: &[MaskFrame<'_>],
@@ -85,20 +103,36 @@ fn read_files(
     progress: &Progress,
 ) -> Result<ReadFiles, MaskError> {
     let colors = listed.tree.as_ref().map(ids_of_colors);
-    let read = in_parallel(pairs, progress, |&(frame, file)| {
-        let frame = &frames[frame];
-        let values = PngValues::read(&file.path, Some((frame.name, frame.width, frame.height)))?;
+    let read_file = |&(frame, file): &(usize, &FoundFile)| {
+        let MaskFrame { name, width, height } = frames[frame];
+        let values = PngValues::read(&file.path, Some((name, width, height)))?;
         let read = values.into_ids(&file.path, colors.as_ref())?;
-        Ok((RunMask::encode(&read.mask), read.alpha))
-    })?;
+        Ok((RunMask::encode(&read.mask), read.how))
+    };
+    let results = in_parallel(pairs, progress, |pair| unless_stopped(read_file(pair)))?;
     let mut skipped = Skipped::default();
-    for ((_, alpha), (_, file)) in read.iter().zip(pairs) {
-        if let Some(what) = alpha.warning() {
+    let mut first_error = None;
+    let mut read: Vec<(usize, &FoundFile, RunMask, HowRead)> = Vec::with_capacity(pairs.len());
+    for (&(frame, file), result) in pairs.iter().zip(results) {
+        match result {
+            Ok((mask, how)) => read.push((frame, file, mask, how)),
+            Err(error) => {
+                skipped.add_unreadable(&error);
+                first_error.get_or_insert(error);
+            }
+        }
+    }
+    if let Some(error) = first_error.filter(|_| read.is_empty()) {
+        return Err(error);
+    }
+    reconcile_cut_outs(read.iter_mut().map(|(_, _, mask, how)| (mask, how)));
+    for (_, file, _, how) in &read {
+        for what in how.warnings() {
             skipped.add(what, format!("'{}'", file.stem));
         }
     }
-    let masks: Vec<RunMask> = read.into_iter().map(|(mask, _)| mask).collect();
-    let ids = ids_in(&masks);
+    let masks: Vec<(usize, RunMask)> = read.into_iter().map(|(frame, _, mask, _)| (frame, mask)).collect();
+    let ids = ids_in(masks.iter().map(|(_, mask)| mask));
     Ok(ReadFiles { masks, ids, skipped })
 }
 
@@ -111,22 +145,20 @@ fn understood(
     warnings: &mut Vec<String>,
 ) -> Result<Vec<RunMask>, MaskError> {
     let highest = ids.last().copied().unwrap_or_default();
-    let count = |mask: &RunMask| EdgeStatistics::of(&mask.decode(), highest);
-    // Decoding takes a moment, and masks with few values or low ones are never soft.
-    let candidate = ids.len() > 4 && highest.0 >= 128 && listed.tree.is_none();
-    let counted = match candidate {
-        true => masks.par_iter().map(count).reduce(EdgeStatistics::default, EdgeStatistics::plus),
-        false => EdgeStatistics::default(),
-    };
-    if candidate && is_soft(ids, counted, listed) {
-        let half = highest.0 / 2;
-        masks = masks.iter().map(|mask| mask.map_ids(|id| LabelId(u16::from(id.0 > half)))).collect();
-        warnings.push(format!(
-            "the masks have {} grey values with soft edges, which are no label ids; values above {half} (half of the \
-             highest) became label 1, the others no label",
-            ids.len()
-        ));
-        return Ok(masks);
+    match &listed.tree {
+        Some(listed) => check_unlisted(dir, &masks, ids, listed)?,
+        // Decoding takes a moment, and masks with few values or low ones are never soft.
+        None if may_be_soft(ids) && counted(&masks, EdgeStatistics::of).are_soft() => {
+            let half = highest.0 / 2;
+            masks = masks.iter().map(|mask| mask.map_ids(|id| LabelId(u16::from(id.0 > half)))).collect();
+            warnings.push(format!(
+                "the masks have {} grey values with soft edges, which are no label ids; values above {half} (half of the \
+                 highest) became label 1, the others no label",
+                ids.len()
+            ));
+            return Ok(masks);
+        }
+        None => {}
     }
     let known = |id| listed.tree.as_ref().or(Some(tree)).is_some_and(|tree| tree.get(id).is_some());
     match meaning_of_white(ids, known) {
@@ -139,6 +171,15 @@ fn understood(
             let what = "its masks have the values 0, one in the middle, and white, as trimaps and soft masks do; save \
                         label ids, or import a folder of masks for each label with --format binary (white is what is \
                         above half)";
+            return Err(invalid(dir, what));
+        }
+        White::Void(void) if covers_most(void, &masks) => {
+            let what = format!(
+                "its masks have the value {0} on more pixels than all other values together, so it may be a label, void, or \
+                 the inside of a soft mask; list a label with the id {0} in labels.json, set void pixels to 0, or import \
+                 a folder of masks for each label with --format binary",
+                void.0
+            );
             return Err(invalid(dir, what));
         }
         White::Void(void) => {
@@ -155,11 +196,43 @@ fn understood(
     Ok(masks)
 }
 
+fn counted(masks: &[RunMask], count: impl Fn(&LabelMask) -> EdgeStatistics + Sync) -> EdgeStatistics {
+    masks.par_iter().map(|mask| count(&mask.decode())).reduce(EdgeStatistics::default, EdgeStatistics::plus)
+}
+
+/// Refuses masks in which values that no label is listed for are soft edges: an image editor has smoothed or resized
+/// them.
+fn check_unlisted(dir: &Path, masks: &[RunMask], ids: &BTreeSet<LabelId>, listed: &LabelTree) -> Result<(), MaskError> {
+    let is_unlisted = |id: LabelId| id != LabelId::NONE && listed.get(id).is_none();
+    let unlisted: Vec<LabelId> = ids.iter().copied().filter(|&id| is_unlisted(id)).collect();
+    if !may_be_soft_edges(&unlisted) {
+        return Ok(());
+    }
+    if !counted(masks, |mask| EdgeStatistics::of_values(mask, is_unlisted)).are_soft() {
+        return Ok(());
+    }
+    let what = format!(
+        "its masks have soft edges with {} values that labels.json does not list ({}), as smoothing or resizing makes \
+         them; save the masks without antialiasing and resize them to the nearest pixel, or list these ids",
+        unlisted.len(),
+        named(&unlisted)
+    );
+    Err(invalid(dir, what))
+}
+
+/// The first of some ids.
+fn named(ids: &[LabelId]) -> String {
+    let more = if ids.len() > MAX_NAMED_IDS { ", …" } else { "" };
+    let first: Vec<String> = ids.iter().take(MAX_NAMED_IDS).map(|id| id.0.to_string()).collect();
+    format!("{}{more}", first.join(", "))
+}
+
 /// Masks as read, with the project's ids in place of the files' own.
 fn with_labels(
     masks: &[RunMask],
     listed: Option<&LabelTree>,
     tree: &LabelTree,
+    warnings: &mut Vec<String>,
 ) -> Result<(Vec<RunMask>, Adoption), MaskError> {
     let mut found = ids_in(masks);
     let masks: Vec<RunMask> = match is_black_and_white(&found, listed) {
@@ -169,10 +242,25 @@ fn with_labels(
     found = ids_in(&masks);
     let mut adoption = Adoption::new(tree, found.last().copied().unwrap_or_default());
     let mut new_ids = listed.map_or_else(|| Ok(BTreeMap::new()), |listed| adoption.tree_of(listed))?;
+    let mut numbered = Vec::new();
     for id in found {
         if let Entry::Vacant(vacant) = new_ids.entry(id) {
+            if id != LabelId::NONE && (listed.is_some() || adoption.tree().get(id).is_none()) {
+                numbered.push(id);
+            }
             vacant.insert(adoption.number(id)?);
         }
+    }
+    let (count, ids) = (numbered.len(), named(&numbered));
+    if listed.is_some() && count > 0 {
+        warnings.push(format!(
+            "{count} ids of the masks are not in labels.json ({ids}); they became labels by their numbers"
+        ));
+    } else if count > MAX_UNREPORTED {
+        warnings.push(format!(
+            "{count} labels were named after numbers ({ids}), since there is no labels.json; if the values of the masks are \
+             no label ids, undo the import"
+        ));
     }
     let masks = masks.iter().map(|mask| mask.map_ids(|id| new_ids.get(&id).copied().unwrap_or(id))).collect();
     Ok((masks, adoption))

@@ -17,8 +17,8 @@ pub(in crate::masks) struct FoundFile {
     pub stem: String,
 }
 
-/// All files below a folder whose ending is one of `endings` (lower case, any case matches), hidden ones left out, in
-/// natural order of their stems.
+/// All files below a folder whose ending is one of `endings` (lower case, any case matches), in natural order of their
+/// stems. Hidden ones, and those of systems and network storage, are left out.
 pub(in crate::masks) fn list_files(dir: &Path, endings: &[&str]) -> Result<Vec<FoundFile>, MaskError> {
     let mut found = Vec::new();
     let mut open = vec![dir.to_path_buf()];
@@ -26,7 +26,9 @@ pub(in crate::masks) fn list_files(dir: &Path, endings: &[&str]) -> Result<Vec<F
         for entry in std::fs::read_dir(&folder).map_err(io_error(&folder))? {
             let entry = entry.map_err(io_error(&folder))?;
             let path = entry.path();
-            if entry.file_name().to_string_lossy().starts_with('.') {
+            let name = entry.file_name();
+            let name = name.to_string_lossy();
+            if name.starts_with('.') || disk::is_system_file(&name) {
                 continue;
             }
             // A link to a file is followed, a link to a folder is not: it could lead in a circle.
@@ -68,6 +70,14 @@ pub(in crate::masks) fn in_parallel<T: Sync, R: Send>(
     results.into_iter().collect()
 }
 
+/// Makes a failure a value, so that work on other items goes on; a stop remains an error.
+pub(super) fn unless_stopped<R>(result: Result<R, MaskError>) -> Result<Result<R, MaskError>, MaskError> {
+    match result {
+        Err(error @ MaskError::Stopped(_)) => Err(error),
+        result => Ok(result),
+    }
+}
+
 /// Reads a text file; a byte-order mark is skipped.
 pub(super) fn read_text(path: &Path) -> Result<String, MaskError> {
     disk::read_text(path).map_err(|error| match error.kind() {
@@ -104,7 +114,12 @@ mod tests {
     #[test]
     fn files_are_found_in_natural_order() {
         let dir = tempfile::tempdir().unwrap();
-        for name in ["f10.PNG", "f9.png", "a/f1.png", "notes.txt", ".hidden.png", "f010b.png"] {
+        for name in ["f10.PNG", "f9.png", "a/f1.png", "notes.txt", ".hidden.png", "f010b.png"].into_iter().chain([
+            "@eaDir/f1.png",
+            "a/#recycle/f2.png",
+            "__MACOSX/f3.png",
+            "SYNOPHOTO_THUMB_M.png",
+        ]) {
             write_whole(&dir.path().join(name), b"x").unwrap();
         }
         let stems: Vec<String> = list_files(dir.path(), &["png"]).unwrap().into_iter().map(|file| file.stem).collect();

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 
-use super::labels_json::Listed;
 use crate::masks::{LabelId, LabelMask, LabelTree, RunMask};
 
 /// The highest values of 8 and 16 bits: "the one object" in black and white images, "void" in masks of ids.
@@ -58,6 +57,19 @@ pub(in crate::masks) fn meaning_of_white(ids: &BTreeSet<LabelId>, known: impl Fn
     }
 }
 
+/// Whether white covers more than all other labels together, in the masks that have it: more than the rims and gaps
+/// that void marks.
+pub(in crate::masks) fn covers_most<'m>(white: LabelId, masks: impl IntoIterator<Item = &'m RunMask>) -> bool {
+    let (mut white_area, mut other_area) = (0, 0);
+    for extents in masks.into_iter().map(RunMask::extents) {
+        if let Some(extent) = extents.get(&white) {
+            white_area += extent.area;
+            other_area += extents.values().map(|extent| extent.area).sum::<u64>() - extent.area;
+        }
+    }
+    white_area > other_area
+}
+
 fn common_divisor(a: u16, b: u16) -> u16 {
     if b == 0 { a } else { common_divisor(b, a % b) }
 }
@@ -65,7 +77,7 @@ fn common_divisor(a: u16, b: u16) -> u16 {
 /// Counts what tells soft (antialiased, compressed, resized) masks of one object from masks of ids.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(in crate::masks) struct EdgeStatistics {
-    /// Pixels with a value between 0 and the highest.
+    /// Pixels with a value in question.
     between: u64,
     /// Those of them that have a lower and a higher value among their neighbours: a step of a soft edge.
     steps: u64,
@@ -74,12 +86,20 @@ pub(in crate::masks) struct EdgeStatistics {
 }
 
 impl EdgeStatistics {
-    /// Counts over one mask, whose highest value is of all masks `highest`.
-    pub(in crate::masks) fn of(mask: &LabelMask, highest: LabelId) -> Self {
+    /// Counts the values of one mask between 0 and the mask's own highest: an object may be soft all over, so that no
+    /// pixel of it has the highest value of all masks. What is almost the highest is left out too, as networks seldom
+    /// give the inside of an object one value.
+    pub(in crate::masks) fn of(mask: &LabelMask) -> Self {
+        let highest = mask.ids.iter().map(|id| u32::from(id.0)).max().unwrap_or_default();
+        Self::of_values(mask, |id| u32::from(id.0) * 16 < highest * 15)
+    }
+
+    /// Counts the values of one mask other than 0 for which `counts` is true.
+    pub(in crate::masks) fn of_values(mask: &LabelMask, counts: impl Fn(LabelId) -> bool) -> Self {
         let (width, height) = (mask.width as usize, mask.height as usize);
         let mut counted = Self::default();
         for (at, &id) in mask.ids.iter().enumerate() {
-            if id == LabelId::NONE || id == highest {
+            if id == LabelId::NONE || !counts(id) {
                 continue;
             }
             let (x, y) = (at % width, at / width);
@@ -99,6 +119,12 @@ impl EdgeStatistics {
         counted
     }
 
+    /// Whether nearly every pixel counted is a step between a lower and a higher value. Masks of ids have insides, and
+    /// their borders step from one label to the next only where labels touch.
+    pub(in crate::masks) fn are_soft(self) -> bool {
+        self.between > 0 && self.steps * 2 >= self.between && self.inside * 4 <= self.between
+    }
+
     /// The counts of both.
     pub(in crate::masks) fn plus(self, other: Self) -> Self {
         Self {
@@ -109,17 +135,16 @@ impl EdgeStatistics {
     }
 }
 
-/// Whether masks with these values are soft masks of one object: many values, of which nearly every pixel is a step
-/// between a lower and a higher one. Masks of ids have insides, and their borders step from one label to the next only
-/// where labels touch.
-pub(in crate::masks) fn is_soft(ids: &BTreeSet<LabelId>, counted: EdgeStatistics, listed: &Listed) -> bool {
+/// Whether masks with these values may be soft masks of one object: several values, up to a high one.
+pub(in crate::masks) fn may_be_soft(ids: &BTreeSet<LabelId>) -> bool {
     let highest = ids.last().copied().unwrap_or_default();
     let between = ids.iter().filter(|&&id| id != LabelId::NONE && id != highest).count();
-    listed.tree.is_none()
-        && between >= MIN_SOFT_VALUES
-        && highest.0 >= MIN_SOFT_HIGHEST
-        && counted.steps * 2 >= counted.between
-        && counted.inside * 4 <= counted.between
+    between >= MIN_SOFT_VALUES && highest.0 >= MIN_SOFT_HIGHEST
+}
+
+/// Whether values that a list of labels lacks may be the soft edges of those that it has.
+pub(in crate::masks) fn may_be_soft_edges(unlisted: &[LabelId]) -> bool {
+    unlisted.len() >= MIN_SOFT_VALUES
 }
 
 #[cfg(test)]
@@ -156,8 +181,7 @@ mod tests {
         };
         let soft = |mask: &LabelMask| {
             let ids: BTreeSet<LabelId> = mask.ids.iter().copied().collect();
-            let highest = ids.last().copied().unwrap();
-            is_soft(&ids, EdgeStatistics::of(mask, highest), &Listed::default())
+            may_be_soft(&ids) && EdgeStatistics::of(mask).are_soft()
         };
         for width in [1.0, 3.0, 8.0] {
             assert!(soft(&disc(&|r| (((10.0 - r) / width + 0.5).clamp(0.0, 1.0) * 255.0) as u16)), "{width}");
@@ -179,5 +203,16 @@ mod tests {
             ids: (0..64 * 64).map(|at: u32| LabelId((at % 64 / step + at / 64 / step * (64 / step)) as u16)).collect(),
         };
         assert!(!soft(&grid(4)), "256 instances side by side");
+    }
+
+    #[test]
+    fn white_on_most_of_the_labels_is_not_void() {
+        let mask = |runs: &[(u16, u32)]| {
+            RunMask::new(10, 1, runs.iter().map(|&(id, length)| (LabelId(id), length)).collect()).unwrap()
+        };
+        let (rim, object) = (mask(&[(0, 3), (1, 5), (255, 2)]), mask(&[(0, 3), (254, 2), (255, 5)]));
+        let other = mask(&[(2, 10)]);
+        assert!(!covers_most(LabelId(255), [&rim, &other]));
+        assert!(covers_most(LabelId(255), [&object, &other]));
     }
 }

@@ -79,10 +79,14 @@ pub(in crate::masks) fn listed_labels(dir: &Path) -> Result<Listed, MaskError> {
     if std::fs::metadata(&file).is_ok_and(|data| data.len() > MAX_BYTES) {
         return Ok(unused(&file, "it is too large for a list of labels"));
     }
-    let text = read_text(&file)?;
+    let text = match read_text(&file) {
+        Ok(text) => text,
+        Err(error) if is_given => return Err(error),
+        Err(_) => return Ok(unused(&file, "it cannot be read as text, and is not in the given folder")),
+    };
     match read_tree(&file, &text) {
         Ok(tree) => Ok(Listed { tree: Some(tree), warning: None }),
-        Err(error) if is_given && is_list_of_labels(&text) => Err(error),
+        Err(error) if is_given && is_list_of_labels(&text) && !has_foreign_ids(&text) => Err(error),
         Err(_) if is_given => Ok(unused(&file, "it is not a list of labels; another program may have written it")),
         Err(_) => Ok(unused(&file, "it is not a readable list of labels, and not in the given folder")),
     }
@@ -99,6 +103,13 @@ fn is_list_of_labels(text: &str) -> bool {
         let object = rest.split('}').next().unwrap_or(rest);
         object.contains("\"id\"") && object.contains("\"name\"")
     })
+}
+
+/// Whether a list has ids that no label of ours has: 0, or above 65535.
+fn has_foreign_ids(text: &str) -> bool {
+    let entries: Vec<serde_json::Value> = serde_json::from_str(text).unwrap_or_default();
+    let is_ours = |id: &serde_json::Value| id.as_u64().is_some_and(|id| (1..=u64::from(u16::MAX)).contains(&id));
+    entries.iter().filter_map(|entry| entry.get("id")).any(|id| id.is_number() && !is_ours(id))
 }
 
 fn read_tree(path: &Path, text: &str) -> Result<LabelTree, MaskError> {
@@ -173,11 +184,10 @@ mod tests {
     fn damaged_lists_are_refused_by_name() {
         let dir = tempfile::tempdir().unwrap();
         for text in [
-            r#"[{"id":0,"name":"a"}]"#,
             r#"[{"id":1,"name":"a","parent":2}]"#,
             r#"[{"id":1,"name":"a"},{"id":1,"name":"b"}]"#,
             r##"[{"id":1,"name":"a","color":"#12é45"}]"##,
-            r#"[{"id":70000,"name":"a"}]"#,
+            r#"[{"id":1,"name":"a"},{"id":2,"na"#,
         ] {
             std::fs::write(dir.path().join("labels.json"), text).unwrap();
             let error = read_labels_json(dir.path()).unwrap_err().to_string();
@@ -190,7 +200,16 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let masks = dir.path().join("masks");
         std::fs::create_dir(&masks).unwrap();
-        for text in ["{", "", r#"{"labels":[]}"#, r#"["leaf","stem"]"#, "[1,2]", r#"[{"trainId":1,"name":"a"}]"#] {
+        for text in [
+            "{",
+            "",
+            r#"{"labels":[]}"#,
+            r#"["leaf","stem"]"#,
+            "[1,2]",
+            r#"[{"trainId":1,"name":"a"}]"#,
+            r#"[{"id":0,"name":"a"}]"#,
+            r#"[{"id":1,"name":"b"},{"id":70000,"name":"a"}]"#,
+        ] {
             std::fs::write(dir.path().join("labels.json"), text).unwrap();
             for folder in [dir.path(), &masks] {
                 let listed = listed_labels(folder).unwrap();
@@ -200,8 +219,11 @@ mod tests {
                 );
             }
         }
-        std::fs::write(dir.path().join("labels.json"), r#"[{"id":0,"name":"a"}]"#).unwrap();
-        assert!(listed_labels(&masks).unwrap().warning.is_some(), "not in the given folder");
+        for bytes in [&br#"[{"id":1,"name":"a","parent":2}]"#[..], b"[{\"id\":1,\"name\":\"\xe4\"}]"] {
+            std::fs::write(dir.path().join("labels.json"), bytes).unwrap();
+            assert!(listed_labels(&masks).unwrap().warning.is_some(), "not in the given folder");
+            assert!(listed_labels(dir.path()).is_err());
+        }
         std::fs::write(dir.path().join("labels.json"), "\u{feff}[{\"id\":1,\"name\":\"a\"}]").unwrap();
         assert!(listed_labels(&masks).unwrap().tree.is_some());
     }

@@ -21,7 +21,7 @@ mod yolo;
 mod yolo_names;
 
 pub(super) use davis::ids_in;
-pub use davis::{encode_palette_png, read_palette_png};
+pub use davis::{encode_palette_png, read_palette_png, read_palette_png_of};
 pub use exchange::{Imported, MaskFormat, MaskFrame, export_masks, import_masks};
 pub(super) use files::{FoundFile, in_parallel, list_files};
 pub(super) use frame_names::NameIndex;
@@ -29,7 +29,8 @@ pub use frame_names::file_stems;
 pub(super) use grey_kinds::{White, is_black_and_white, meaning_of_white, white_as_one};
 pub(super) use labels_json::{ids_of_colors, listed_labels};
 pub use labels_json::{read_labels_json, write_labels_json};
-pub(super) use png_values::PngValues;
+pub(super) use png_values::{PngValues, reconcile_cut_outs};
+pub(super) use skipped::Skipped;
 
 #[cfg(test)]
 mod tests;

@@ -7,7 +7,7 @@ use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
 
 use super::files::{invalid, io_error};
 use crate::engine::disk;
-use crate::masks::{LabelId, LabelMask, MaskError};
+use crate::masks::{LabelId, LabelMask, MaskError, RunMask};
 
 /// More pixels than any camera's picture has; a header that claims more is damaged.
 const MAX_PIXELS: u64 = 1 << 28;
@@ -19,15 +19,27 @@ pub(in crate::masks) struct PngValues {
     width: u32,
     height: u32,
     pixels: Pixels,
-    /// The alpha channel.
+    /// The alpha channel, or what a transparent colour or palette place makes of it.
     alpha: Option<Vec<u16>>,
+    /// The value of white.
+    white: u16,
+    /// Whether the only values are black and white, stored as 0 and 1.
+    is_bilevel: bool,
 }
 
 enum Pixels {
-    /// Palette places or grey values of 1 to 16 bits.
-    Values(Vec<u16>),
+    /// Grey values of 1 to 16 bits.
+    Greys(Vec<u16>),
+    /// Values by a palette.
+    Places {
+        ids: Vec<u16>,
+        /// The colour of all places that are not fully transparent, where they have the same.
+        color: Option<[u16; 3]>,
+        /// Whether the palette is of greys that are not the places.
+        has_other_greys: bool,
+    },
     /// Red, green, blue.
-    Colors(Vec<[u8; 3]>),
+    Colors(Vec<[u16; 3]>),
 }
 
 /// How values are written.
@@ -50,6 +62,8 @@ struct Packed {
     bytes: Vec<u8>,
     /// Red, green, blue of each place.
     palette: Vec<u8>,
+    /// The content of the tRNS chunk: alpha of each palette place, or the samples of the transparent colour.
+    transparency: Option<Vec<u8>>,
 }
 
 /// What transparency did to a mask.
@@ -59,8 +73,10 @@ pub(in crate::masks) enum AlphaUse {
     Ignored,
     /// Pixels with ids were transparent and got none.
     Cleared,
-    /// The opaque pixels are one object, cut out of an image or of a plain colour.
+    /// The opaque pixels are one object, cut out of an image or of white.
     CutOut,
+    /// The opaque pixels are all black: a black cut-out, or the background of a mask without labels.
+    BlackCutOut,
 }
 
 impl AlphaUse {
@@ -69,15 +85,61 @@ impl AlphaUse {
         match self {
             Self::Ignored => None,
             Self::Cleared => Some("masks have transparent pixels; those got no label"),
-            Self::CutOut => Some("masks are cut-outs; pixels with an alpha above half became label 1"),
+            Self::CutOut | Self::BlackCutOut => {
+                Some("masks are cut-outs; pixels with an alpha above half became label 1")
+            }
         }
+    }
+
+    /// Whether the mask is label 1 where the file is opaque.
+    pub(in crate::masks) fn is_cut_out(self) -> bool {
+        matches!(self, Self::CutOut | Self::BlackCutOut)
     }
 }
 
-/// A mask, and how its transparency was read.
+/// A mask, and how its file was read.
 pub(in crate::masks) struct ReadMask {
     pub mask: LabelMask,
+    pub how: HowRead,
+}
+
+/// How the values of a file became ids.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::masks) struct HowRead {
     pub alpha: AlphaUse,
+    /// Whether the only values are black and white, stored as 0 and 1.
+    pub is_bilevel: bool,
+    /// Whether places in a palette of greys were read as ids, although the greys are other values.
+    pub has_other_greys: bool,
+}
+
+impl HowRead {
+    /// What the user should know; each reads on from a number of masks.
+    pub(in crate::masks) fn warnings(self) -> impl Iterator<Item = &'static str> {
+        let greys = "masks have a palette of greys that are not its places; the places were read as label ids, not the \
+                     greys (save the masks as plain greyscale to use those)";
+        self.alpha.warning().into_iter().chain(self.has_other_greys.then_some(greys))
+    }
+}
+
+/// Decides from all masks of a folder what one alone does not show: black next to transparent pixels is background
+/// where other masks have labels, and a white mask without transparency is a cut-out of the whole frame where others
+/// are cut-outs.
+pub(in crate::masks) fn reconcile_cut_outs<'r>(masks: impl Iterator<Item = (&'r mut RunMask, &'r mut HowRead)>) {
+    let mut masks: Vec<_> = masks.collect();
+    let has_labels = |mask: &RunMask| mask.runs.iter().any(|run| run.0 != LabelId::NONE);
+    let is_labelled = masks.iter().any(|(mask, how)| how.alpha != AlphaUse::BlackCutOut && has_labels(mask));
+    let has_cut_outs = masks.iter().any(|(_, how)| how.alpha == AlphaUse::CutOut);
+    for (mask, how) in &mut masks {
+        if how.alpha == AlphaUse::BlackCutOut && is_labelled {
+            **mask = RunMask::empty(mask.width, mask.height);
+            how.alpha = AlphaUse::Ignored;
+        }
+        if has_cut_outs && matches!(mask.runs[..], [(LabelId(255 | u16::MAX), _)]) {
+            **mask = mask.map_ids(|_| LabelId(1));
+            how.alpha = AlphaUse::CutOut;
+        }
+    }
 }
 
 impl PngValues {
@@ -86,18 +148,18 @@ impl PngValues {
     pub(in crate::masks) fn read(path: &Path, expected: Option<(&str, u32, u32)>) -> Result<Self, MaskError> {
         let file = disk::open_regular(path).map_err(io_error(path))?;
         let packed = decode(path, BufReader::new(file), expected)?;
-        let channels = packed.color.samples();
-        let alpha = matches!(packed.color, ColorType::GrayscaleAlpha | ColorType::Rgba)
-            .then(|| packed.samples().chunks_exact(channels).map(|pixel| pixel[channels - 1]).collect());
         let pixels = match packed.color {
-            ColorType::Indexed => Pixels::Values(packed.places_or_greys()),
-            ColorType::Grayscale => Pixels::Values(packed.samples()),
+            ColorType::Indexed => packed.by_palette(),
+            ColorType::Grayscale => Pixels::Greys(packed.samples()),
             ColorType::GrayscaleAlpha => {
-                Pixels::Values(packed.samples().chunks_exact(2).map(|pixel| pixel[0]).collect())
+                Pixels::Greys(packed.samples().chunks_exact(2).map(|pixel| pixel[0]).collect())
             }
             ColorType::Rgb | ColorType::Rgba => Pixels::Colors(packed.colors()),
         };
-        Ok(Self { width: packed.width, height: packed.height, pixels, alpha })
+        let white = if packed.depth == BitDepth::Sixteen { u16::MAX } else { (1 << packed.depth as u16) - 1 };
+        let is_bilevel = packed.depth == BitDepth::One || (packed.color == ColorType::Indexed && packed.is_bilevel());
+        let alpha = packed.alpha();
+        Ok(Self { width: packed.width, height: packed.height, pixels, alpha, white, is_bilevel })
     }
 
     /// Columns and rows.
@@ -107,8 +169,8 @@ impl PngValues {
 
     /// The pixels as ids: palette places and grey values are ids; colours are looked up in `ids_of_colors` (black = 0
     /// unless listed), and where there is none, an image without any real colour is read as grey. Transparency that
-    /// differs between pixels removes the ids below half of the highest alpha; when what it leaves is an image or one
-    /// white area, the mask is the opaque part.
+    /// differs between pixels removes the ids below half of the highest alpha; when what it leaves is an image, or one
+    /// white or black area, the mask is the opaque part. See [`reconcile_cut_outs`] for several masks.
     pub(in crate::masks) fn into_ids(
         self,
         path: &Path,
@@ -116,21 +178,23 @@ impl PngValues {
     ) -> Result<ReadMask, MaskError> {
         let (width, height) = self.size();
         let opaque = self.opaque();
-        let cut_out = ids_of_colors.is_none() && opaque.as_ref().is_some_and(|opaque| self.is_cut_out(opaque));
-        if let Some(opaque) = opaque.as_ref().filter(|_| cut_out) {
+        let is_bilevel = self.is_bilevel;
+        let how = |alpha, has_other_greys| HowRead { alpha, is_bilevel, has_other_greys };
+        let unlisted = opaque.as_ref().filter(|_| ids_of_colors.is_none());
+        if let Some((opaque, alpha)) = unlisted.and_then(|opaque| Some((opaque, self.cut_out(opaque)?))) {
             let ids = opaque.iter().map(|&opaque| LabelId(u16::from(opaque))).collect();
-            return Ok(ReadMask { mask: LabelMask { width, height, ids }, alpha: AlphaUse::CutOut });
+            return Ok(ReadMask { mask: LabelMask { width, height, ids }, how: how(alpha, false) });
         }
         let visible = |at: usize| opaque.as_ref().is_none_or(|opaque| opaque[at]);
+        let mut other_greys = false;
         let mut ids: Vec<LabelId> = match self.pixels {
-            Pixels::Values(values) => values.into_iter().map(LabelId).collect(),
+            Pixels::Greys(values) => values.into_iter().map(LabelId).collect(),
+            Pixels::Places { ids, has_other_greys, .. } => {
+                other_greys = has_other_greys && ids_of_colors.is_none();
+                ids.into_iter().map(LabelId).collect()
+            }
             Pixels::Colors(colors) => {
-                let found = colors.iter().enumerate().map(|(at, color)| match visible(at) {
-                    true => id_of_color(*color, ids_of_colors),
-                    // A colour that is not seen need not be a label's.
-                    false => Ok(id_of_color(*color, ids_of_colors).unwrap_or_default()),
-                });
-                found.collect::<Result<_, _>>().map_err(|what| invalid(path, what))?
+                ids_of_pixels(&colors, self.white, ids_of_colors, visible).map_err(|what| invalid(path, what))?
             }
         };
         let mut alpha = AlphaUse::Ignored;
@@ -140,29 +204,44 @@ impl PngValues {
                 *id = LabelId::NONE;
             }
         }
-        Ok(ReadMask { mask: LabelMask { width, height, ids }, alpha })
+        Ok(ReadMask { mask: LabelMask { width, height, ids }, how: how(alpha, other_greys) })
     }
 
-    /// Which pixels are opaque; `None` when transparency is the same everywhere.
+    /// Which pixels are opaque; `None` when transparency is the same everywhere. In an image of one value that is
+    /// transparent everywhere no pixel is: the frame of a cut-out object that is not in it.
     fn opaque(&self) -> Option<Vec<bool>> {
         let alpha = self.alpha.as_ref()?;
         let (lowest, highest) = (alpha.iter().min()?, alpha.iter().max()?);
-        (lowest != highest).then(|| alpha.iter().map(|alpha| alpha > &(highest / 2)).collect())
+        let shows_nothing = *highest == 0 && (1..alpha.len()).all(|at| self.color(at) == self.color(0));
+        (lowest != highest || shows_nothing).then(|| alpha.iter().map(|alpha| alpha > &(highest / 2)).collect())
     }
 
-    /// Whether the opaque pixels show one object instead of ids: all white, or as many values as an image has.
-    fn is_cut_out(&self, opaque: &[bool]) -> bool {
-        let visible = || opaque.iter().enumerate().filter(|(_, opaque)| **opaque).map(|(at, _)| at);
-        let value = |at: usize| match &self.pixels {
-            Pixels::Values(values) => [values[at]; 3],
-            Pixels::Colors(colors) => colors[at].map(u16::from),
+    /// The colour of a pixel, or its value three times.
+    fn color(&self, at: usize) -> [u16; 3] {
+        match &self.pixels {
+            Pixels::Greys(ids) | Pixels::Places { ids, .. } => [ids[at]; 3],
+            Pixels::Colors(colors) => colors[at],
+        }
+    }
+
+    /// Whether the opaque pixels show one object instead of ids: all white, all black, or as many values as an image
+    /// has. The places of a palette are ids unless its visible places have one colour.
+    fn cut_out(&self, opaque: &[bool]) -> Option<AlphaUse> {
+        let mut visible = opaque.iter().enumerate().filter(|(_, opaque)| **opaque).map(|(at, _)| self.color(at));
+        let first = visible.next()?;
+        let (color, white) = match &self.pixels {
+            Pixels::Places { color, .. } => (*color, 255),
+            _ => (visible.clone().all(|color| color == first).then_some(first), self.white),
         };
-        let is_white = |at: usize| matches!(value(at), [255, 255, 255] | [u16::MAX, ..]);
-        if visible().all(is_white) {
-            return true;
+        match color {
+            Some(color) if color == [white; 3] => return Some(AlphaUse::CutOut),
+            Some([0, 0, 0]) => return Some(AlphaUse::BlackCutOut),
+            _ => {}
         }
         let mut different = BTreeSet::new();
-        visible().any(|at| different.insert(value(at)) && different.len() > MAX_LABELS_IN_COLOR)
+        let is_image = !matches!(self.pixels, Pixels::Places { .. })
+            && visible.any(|color| different.insert(color) && different.len() > MAX_LABELS_IN_COLOR);
+        is_image.then_some(AlphaUse::CutOut)
     }
 }
 
@@ -184,13 +263,37 @@ pub(super) fn encode_png(width: u32, height: u32, stored: Stored, pixels: &[u8])
     Ok(bytes)
 }
 
-fn id_of_color(color: [u8; 3], listed: Option<&BTreeMap<[u8; 3], LabelId>>) -> Result<LabelId, String> {
-    let [red, green, blue] = color;
+/// The ids of coloured pixels. In 16 bits, greys that no 8-bit image gives when it is scaled are ids.
+fn ids_of_pixels(
+    colors: &[[u16; 3]],
+    white: u16,
+    listed: Option<&BTreeMap<[u8; 3], LabelId>>,
+    visible: impl Fn(usize) -> bool,
+) -> Result<Vec<LabelId>, String> {
+    let is_wide = white == u16::MAX;
+    let mut seen = colors.iter().enumerate().filter(|(at, _)| visible(*at)).map(|(_, color)| color);
+    let are_ids = is_wide
+        && seen.clone().all(|[red, green, blue]| red == green && green == blue)
+        && seen.any(|[value, ..]| value % 257 != 0);
+    let listed = listed.filter(|_| !are_ids);
+    let shift = if is_wide { 8 } else { 0 };
+    let found = colors.iter().enumerate().map(|(at, color)| match visible(at) {
+        true => id_of_color(*color, shift, listed),
+        // A colour that is not seen need not be a label's.
+        false => Ok(id_of_color(*color, shift, listed).unwrap_or_default()),
+    });
+    found.collect()
+}
+
+/// The id of a colour, of which `shift` bits are more than 8 a channel.
+fn id_of_color(color: [u16; 3], shift: u32, listed: Option<&BTreeMap<[u8; 3], LabelId>>) -> Result<LabelId, String> {
+    let narrow = color.map(|value| (value >> shift) as u8);
     match listed {
-        Some(listed) => listed.get(&color).copied().or((color == [0; 3]).then_some(LabelId::NONE)).ok_or_else(|| {
+        Some(listed) => listed.get(&narrow).copied().or((narrow == [0; 3]).then_some(LabelId::NONE)).ok_or_else(|| {
+            let [red, green, blue] = narrow;
             format!("its colour #{red:02x}{green:02x}{blue:02x} is no label's in labels.json; add it there")
         }),
-        None if red == green && green == blue => Ok(LabelId(u16::from(red))),
+        None if color[0] == color[1] && color[1] == color[2] => Ok(LabelId(color[0])),
         None => Err("is a colour image, not a mask; save label ids as grey or palette values, or put a labels.json \
                      with the labels' colours next to it"
             .into()),
@@ -213,13 +316,14 @@ fn decode(path: &Path, file: BufReader<File>, expected: Option<(&str, u32, u32)>
     let size =
         size.ok_or_else(|| invalid(path, format!("claims {width}×{height} pixels; it is damaged, save it anew")))?;
     let palette = reader.info().palette.as_deref().unwrap_or_default().to_vec();
+    let transparency = reader.info().trns.as_deref().map(<[u8]>::to_vec);
     let mut bytes = vec![0; size];
     let layout = reader.next_frame(&mut bytes).map_err(broken)?;
     if (layout.width, layout.height) != (width, height) {
         return Err(invalid(path, "is an animation; save the mask as a plain PNG"));
     }
     let (color, depth) = (layout.color_type, layout.bit_depth);
-    Ok(Packed { width, height, color, depth, line_size: layout.line_size, bytes, palette })
+    Ok(Packed { width, height, color, depth, line_size: layout.line_size, bytes, palette, transparency })
 }
 
 /// What is wrong with a mask that does not fit its frame.
@@ -254,33 +358,79 @@ impl Packed {
         samples
     }
 
-    /// The places in the palette, which are ids. Programs that make files small store black and white images with a
-    /// palette of greys in any order: where black is not the first, the greys are the values.
-    fn places_or_greys(&self) -> Vec<u16> {
-        let places = self.samples();
-        let grey = |place: u16| match self.palette.get(3 * usize::from(place)..)? {
-            [red, green, blue, ..] if red == green && green == blue => Some(u16::from(*red)),
-            _ => None,
-        };
-        let used: BTreeSet<u16> = places.iter().copied().collect();
-        let greys: Option<BTreeMap<u16, u16>> = used.iter().map(|&place| Some((place, grey(place)?))).collect();
-        match greys {
-            Some(greys)
-                if greys.iter().any(|(&place, &grey)| place != 0 && grey == 0)
-                    && greys.values().any(|&grey| grey == 255) =>
-            {
-                places.into_iter().map(|place| greys[&place]).collect()
+    /// The alpha of every pixel: a channel, or as the tRNS chunk gives it.
+    fn alpha(&self) -> Option<Vec<u16>> {
+        let channels = self.color.samples();
+        match self.color {
+            ColorType::GrayscaleAlpha | ColorType::Rgba => {
+                Some(self.samples().chunks_exact(channels).map(|pixel| pixel[channels - 1]).collect())
             }
-            _ => places,
+            ColorType::Indexed => {
+                let transparency = self.transparency.as_ref()?;
+                let alpha = |place: u16| transparency.get(usize::from(place)).copied().map_or(255, u16::from);
+                Some(self.samples().into_iter().map(alpha).collect())
+            }
+            ColorType::Grayscale | ColorType::Rgb => {
+                let transparency = self.transparency.as_ref()?;
+                let key: Vec<u16> = match self.depth {
+                    BitDepth::Sixteen => {
+                        transparency.chunks_exact(2).map(|two| u16::from_be_bytes([two[0], two[1]])).collect()
+                    }
+                    _ => transparency.iter().map(|&byte| u16::from(byte)).collect(),
+                };
+                let alpha = |pixel: &[u16]| if pixel == key { 0 } else { 255 };
+                Some(self.samples().chunks_exact(channels).map(alpha).collect())
+            }
         }
     }
 
-    /// Colours in 8 bits a channel; alpha is left out.
-    fn colors(&self) -> Vec<[u8; 3]> {
-        let shift = if self.depth == BitDepth::Sixteen { 8 } else { 0 };
-        let samples = self.samples();
-        let pixels = samples.chunks_exact(self.color.samples());
-        pixels.map(|pixel| [0, 1, 2].map(|channel| (pixel[channel] >> shift) as u8)).collect()
+    /// The greys of a palette that holds nothing else.
+    fn greys(&self) -> Option<Vec<u16>> {
+        let grey = |color: &[u8; 3]| (color[0] == color[1] && color[1] == color[2]).then_some(u16::from(color[0]));
+        self.palette.as_chunks().0.iter().map(grey).collect()
+    }
+
+    /// Whether the palette holds black and white and nothing else.
+    fn is_bilevel(&self) -> bool {
+        let is_bilevel = |greys: &[u16]| [0, 255].iter().all(|grey| greys.contains(grey));
+        self.greys().is_some_and(|greys| is_bilevel(&greys) && greys.iter().all(|grey| [0, 255].contains(grey)))
+    }
+
+    /// Values by the palette: its places, which are ids. Programs that make files small store black and white images
+    /// with a palette of greys in any order, and not the same in each: where the palette has black but not first, the
+    /// greys are the values, 0 and 1 where there are only black and white. The whole palette decides, since a frame
+    /// without the object uses less of it.
+    fn by_palette(&self) -> Pixels {
+        let places = self.samples();
+        let color = self.visible_color();
+        let greys = self.greys().unwrap_or_default();
+        let is_reordered = greys.first().is_some_and(|&first| first != 0) && greys.contains(&0) && greys.contains(&255);
+        if !is_reordered {
+            let has_other_greys = !self.is_bilevel() && (0..).zip(&greys).any(|(place, &grey)| place != grey);
+            return Pixels::Places { ids: places, color, has_other_greys };
+        }
+        let is_bilevel = self.is_bilevel();
+        let value = |place: u16| match greys.get(usize::from(place)) {
+            Some(&grey) if is_bilevel => u16::from(grey != 0),
+            Some(&grey) => grey,
+            None => place,
+        };
+        Pixels::Places { ids: places.into_iter().map(value).collect(), color, has_other_greys: false }
+    }
+
+    /// The colour of all palette places that are not fully transparent, where they have the same.
+    fn visible_color(&self) -> Option<[u16; 3]> {
+        let transparency = self.transparency.as_deref()?;
+        let is_visible = |at: usize| transparency.get(at).is_none_or(|&alpha| alpha > 0);
+        let colors = self.palette.as_chunks::<3>().0.iter().enumerate();
+        let mut visible = colors.filter(|(at, _)| is_visible(*at)).map(|(_, color)| color);
+        let first = visible.next()?;
+        visible.all(|color| color == first).then(|| first.map(u16::from))
+    }
+
+    /// Colours as they are stored; alpha is left out.
+    fn colors(&self) -> Vec<[u16; 3]> {
+        self.samples().chunks_exact(self.color.samples()).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()
     }
 }
 

@@ -6,7 +6,7 @@ use glam::DVec2;
 
 use super::adopt::{Adoption, Newcomer};
 use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
-use super::files::{FoundFile, in_parallel, invalid, list_files, read_text, write_whole};
+use super::files::{FoundFile, in_parallel, invalid, list_files, read_text, unless_stopped, write_whole};
 use super::frame_names::NameIndex;
 use super::labels_json::{listed_labels, write_labels_json};
 use super::layers::{contested_warning, stacked};
@@ -51,22 +51,33 @@ pub(super) fn import(
     if matched.pairs.is_empty() {
         return Err(nothing_fits(dir, &first.stem, frames));
     }
-    let files_lines = in_parallel(&matched.pairs, progress, |&(_, file)| read_lines(file))?;
+    let results = in_parallel(&matched.pairs, progress, |&(_, file)| unless_stopped(read_lines(file)))?;
+    let (mut files_lines, mut skipped, mut first_error) = (Vec::new(), Skipped::default(), None);
+    for (&(frame, _), result) in matched.pairs.iter().zip(results) {
+        match result {
+            Ok(lines) => files_lines.push((frame, lines)),
+            Err(error) => {
+                skipped.add_unreadable(&error);
+                first_error.get_or_insert(error);
+            }
+        }
+    }
+    if let Some(error) = first_error.filter(|_| files_lines.is_empty()) {
+        return Err(error);
+    }
     let folders = matched.pairs.iter().filter_map(|(_, file)| file.path.parent()).collect();
-    let classes = files_lines.iter().flat_map(|file| file.lines.iter().map(|line| line.class)).collect();
+    let classes = files_lines.iter().flat_map(|(_, file)| file.lines.iter().map(|line| line.class)).collect();
     let Classes { labels, adoption, mut warnings } = adopted(dir, &folders, classes, tree)?;
-    let jobs: Vec<(usize, &Vec<Line>)> =
-        matched.pairs.iter().map(|pair| pair.0).zip(files_lines.iter().map(|file| &file.lines)).collect();
+    let jobs: Vec<(usize, &Vec<Line>)> = files_lines.iter().map(|(frame, file)| (*frame, &file.lines)).collect();
     let read =
         in_parallel(&jobs, progress, |(frame, lines)| frame_mask(&frames[*frame], lines, &labels, adoption.tree()))?;
     let contested = read.iter().map(|(_, contested)| contested).sum();
     let mut masks: BTreeMap<usize, RunMask> =
         jobs.iter().map(|job| job.0).zip(read.into_iter().map(|(mask, _)| mask)).collect();
-    let (mut boxes, mut skipped) = (0, Skipped::default());
-    let counts: Vec<(usize, usize)> = jobs.iter().map(|(frame, lines)| (*frame, lines.len())).collect();
-    for ((frame, lines), file) in counts.into_iter().zip(files_lines) {
+    let mut boxes = 0;
+    for (frame, file) in files_lines {
         // A file of boxes or unusable outlines is not a frame without labels.
-        if lines == 0 && (file.boxes > 0 || !file.skipped.is_empty()) {
+        if file.lines.is_empty() && (file.boxes > 0 || !file.skipped.is_empty()) {
             masks.remove(&frame);
         }
         boxes += file.boxes;
@@ -170,15 +181,19 @@ fn read_lines(file: &FoundFile) -> Result<FileLines, MaskError> {
     let text = read_text(&file.path)?;
     let mut read = FileLines::default();
     for (number, text) in (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty()) {
-        let fault = |what: &str| invalid(&file.path, format!("line {number}: {what}"));
-        let mut words = text.split_whitespace();
-        let class = words.next().and_then(class_number);
-        let class = class.ok_or_else(|| fault("does not begin with the number of a class"))?;
-        let mut numbers: Vec<f64> = words
-            .map(|word| word.parse().ok().filter(|share: &f64| !share.is_finite() || share.abs() <= MAX_SHARE))
-            .collect::<Option<_>>()
-            .ok_or_else(|| fault("coordinates must be numbers from 0 to 1, as shares of width and height"))?;
         let mut skip = |what| read.skipped.add(what, format!("'{}', line {number}", file.stem));
+        let mut words = text.split_whitespace();
+        let Some(class) = words.next().and_then(class_number) else {
+            skip("lines do not begin with the number of a class and were left out");
+            continue;
+        };
+        let numbers: Option<Vec<f64>> = words
+            .map(|word| word.parse().ok().filter(|share: &f64| !share.is_finite() || share.abs() <= MAX_SHARE))
+            .collect();
+        let Some(mut numbers) = numbers else {
+            skip("lines whose coordinates are not numbers from 0 to 1, as shares of width and height, were left out");
+            continue;
+        };
         if numbers.iter().any(|share| !share.is_finite()) {
             skip("outlines with a coordinate that is not a number were left out");
             continue;

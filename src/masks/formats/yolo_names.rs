@@ -79,7 +79,15 @@ fn names_in(place: &Place, warnings: &mut Vec<String>) -> Result<Option<(Vec<Str
         if !path.is_file() {
             continue;
         }
-        match small_text(&path)?.and_then(|text| parse(&text)) {
+        let text = match small_text(&path) {
+            Ok(text) => text,
+            Err(error) if place.is_given => return Err(error),
+            Err(error) => {
+                warnings.push(format!("class names were not read: {error}"));
+                continue;
+            }
+        };
+        match text.and_then(|text| parse(&text)) {
             Some(names) => return Ok(Some((names, path))),
             None if place.is_given && file == "data.yaml" => {
                 return Err(invalid(&path, "has no readable `names`; list them as `0: name`"));
@@ -245,6 +253,19 @@ mod tests {
         assert_eq!(find().names, ["leaf", "stem"]);
         std::fs::write(dir.path().join("b.yaml"), "names: [cat, dog]").unwrap();
         assert!(find().names.is_empty() && find().warnings[0].contains("a.yaml"), "{:?}", find().warnings);
+    }
+
+    #[test]
+    fn unreadable_names_above_the_folder_are_left_alone() {
+        for file in ["classes.txt", "obj.names"] {
+            let root = tempfile::tempdir().unwrap();
+            let set = root.path().join("set");
+            std::fs::create_dir(&set).unwrap();
+            std::fs::write(root.path().join(file), b"Bl\xe4tt").unwrap();
+            let found = find_names(&set, &BTreeSet::new()).unwrap();
+            assert!(found.names.is_empty() && found.warnings[0].contains(file), "{:?}", found.warnings);
+            assert!(find_names(root.path(), &BTreeSet::new()).is_err(), "given by the user");
+        }
     }
 
     #[test]

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::table::{FramePair, MaskScore, score_pairs};
 use crate::engine::job::Progress;
 use crate::masks::formats::{
-    FoundFile, NameIndex, PngValues, White, ids_in, ids_of_colors, in_parallel, is_black_and_white, list_files,
-    listed_labels, meaning_of_white, white_as_one,
+    FoundFile, NameIndex, PngValues, Skipped, White, ids_in, ids_of_colors, in_parallel, is_black_and_white,
+    list_files, listed_labels, meaning_of_white, reconcile_cut_outs, white_as_one,
 };
 use crate::masks::{LabelId, LabelTree, MaskError, RunMask};
 
@@ -26,15 +26,16 @@ struct Folder {
     masks: Vec<RunMask>,
     tree: Option<LabelTree>,
     ids: BTreeSet<LabelId>,
-    /// A list of labels that was not used.
-    warning: Option<String>,
+    /// What was decided while reading, for the user.
+    warnings: Vec<String>,
 }
 
 /// Scores a folder of mask PNGs against one of true masks. Files are matched by name without ending: path below the
 /// folder, then file name alone. Pixels are label ids, equal numbers are the same label: palette places (not colours),
 /// grey values of up to 16 bits, or the colours that a `labels.json` in the folder lists. The labels scored are those
 /// in the truth. A truth whose only value besides 0 is 255 (and which lists no label 255) means label 1; so does such a
-/// result, unless 255 is a label of the truth. A true mask without result counts as an empty result.
+/// result, unless 255 is a label of the truth. Next to smaller ids 255 means void. A true mask without result counts as
+/// an empty result.
 ///
 /// # Errors
 /// [`MaskError::Io`], [`MaskError::Invalid`] for a damaged file, a folder without masks, names of which none match;
@@ -51,14 +52,15 @@ pub fn score_masks(
     if is_black_and_white(&truth.ids, truth.tree.as_ref()) {
         truth.map(white_as_one);
     }
+    let void = without_void(&mut truth, &mut result);
     if is_black_and_white(&result.ids, result.tree.as_ref()) && !truth.ids.contains(&LabelId(255)) {
         result.map(white_as_one);
     }
     if let Some(level) = options.level {
         read_at_level(&mut truth, &mut result, level)?;
     }
-    let mut warnings: Vec<String> = [&truth, &result].into_iter().filter_map(|folder| folder.warning.clone()).collect();
-    warnings.extend(without_void(&mut truth, &mut result));
+    let mut warnings: Vec<String> = [&truth, &result].into_iter().flat_map(|folder| folder.warnings.clone()).collect();
+    warnings.extend(void);
     let mut pairs = pairs(&truth, &result, (truth_dir, result_dir), &mut warnings)?;
     if options.skip_first {
         pairs.remove(0);
@@ -89,12 +91,20 @@ impl Folder {
         let listed = listed_labels(dir)?;
         let tree = listed.tree;
         let colors = tree.as_ref().map(ids_of_colors);
-        let masks = in_parallel(&files, progress, |file| {
+        let mut read = in_parallel(&files, progress, |file| {
             let read = PngValues::read(&file.path, None)?.into_ids(&file.path, colors.as_ref())?;
-            Ok(RunMask::encode(&read.mask))
+            Ok((RunMask::encode(&read.mask), read.how))
         })?;
+        reconcile_cut_outs(read.iter_mut().map(|(mask, how)| (mask, how)));
+        let mut skipped = Skipped::default();
+        for (file, (_, how)) in files.iter().zip(&read) {
+            for what in how.warnings() {
+                skipped.add(what, file.path.display().to_string());
+            }
+        }
+        let masks: Vec<RunMask> = read.into_iter().map(|(mask, _)| mask).collect();
         let ids = ids_in(&masks);
-        Ok(Self { files, masks, tree, ids, warning: listed.warning })
+        Ok(Self { files, masks, tree, ids, warnings: listed.warning.into_iter().chain(skipped.warnings()).collect() })
     }
 
     fn map(&mut self, change: impl Fn(&RunMask) -> RunMask) {
@@ -103,13 +113,16 @@ impl Folder {
     }
 }
 
-/// Removes the value that means void in the truth from both folders.
+/// Removes the value that means void in the truth from both folders. It stays in a black and white result, where it is
+/// the object.
 fn without_void(truth: &mut Folder, result: &mut Folder) -> Option<String> {
     let known = |id| truth.tree.as_ref().is_some_and(|tree| tree.get(id).is_some());
     let White::Void(void) = meaning_of_white(&truth.ids, known) else { return None };
     let cleared = |mask: &RunMask| mask.map_ids(|id| if id == void { LabelId::NONE } else { id });
     truth.map(cleared);
-    result.map(cleared);
+    if !is_black_and_white(&result.ids, result.tree.as_ref()) {
+        result.map(cleared);
+    }
     Some(format!("the value {} means void next to smaller ids; its pixels were taken as unlabelled", void.0))
 }
 
@@ -232,14 +245,30 @@ mod tests {
         let white = HALF.map(|id| id * 255);
         let j = |truth, result| {
             let found = score(&[("a", truth)], &[("a", result)], &none, ScoreOptions::default()).unwrap();
-            (found.j, found.labels[0].id.0)
+            (found.j, found.labels[0].id.0, found.warnings.len())
         };
-        assert_eq!(j(white, white), (1.0, 1));
-        assert_eq!(j(white, HALF), (1.0, 1));
-        assert_eq!(j(HALF, white), (1.0, 1));
-        let mut two = white;
-        two[11] = 3;
-        assert_eq!(j(two, white), (0.5, 3), "beside label 3 the 255 of the truth is a label, so it is in the result");
+        assert_eq!(j(white, white), (1.0, 1, 0));
+        assert_eq!(j(white, HALF), (1.0, 1, 0));
+        assert_eq!(j(HALF, white), (1.0, 1, 0));
+        let mut with_void = HALF;
+        with_void[11] = 255;
+        assert_eq!(j(with_void, HALF), (1.0, 1, 1), "next to label 1 the 255 of the truth is void, which is reported");
+        assert_eq!(j(with_void, with_void), (1.0, 1, 1), "so it is in the result");
+        assert_eq!(j(with_void, white), (1.0, 1, 1), "in a black and white result it is the object");
+    }
+
+    #[test]
+    fn what_transparency_removes_is_reported() {
+        let dir = tempfile::tempdir().unwrap();
+        let (truth, result) = (dir.path().join("truth"), dir.path().join("result"));
+        write(&truth, &[("a", HALF)], &LabelTree::default());
+        std::fs::create_dir(&result).unwrap();
+        let image = image::GrayAlphaImage::from_fn(4, 3, |x, y| {
+            image::LumaA([HALF[(y * 4 + x) as usize] as u8, if x == 0 { 0 } else { 255 }])
+        });
+        image.save(result.join("a.png")).unwrap();
+        let found = score_masks(&truth, &result, &ScoreOptions::default(), &Progress::default()).unwrap();
+        assert!((found.j - 0.5).abs() < 1e-12 && found.warnings[0].contains("transparent pixels"), "{found:?}");
     }
 
     #[test]

@@ -153,11 +153,16 @@ impl Grid {
         self.shards.iter().map(FxHashMap::len).sum()
     }
 
-    /// The mean of each voxel that at least `min_views` frames measured, one for each place of a surface.
-    pub(super) fn into_points(mut self, min_views: u32, progress: &Progress) -> Result<GridPoints, Stopped> {
+    /// The mean of each voxel that at least `min_views` frames measured; with `one_layer` one for each place of a surface.
+    pub(super) fn into_points(
+        mut self,
+        min_views: u32,
+        one_layer: bool,
+        progress: &Progress,
+    ) -> Result<GridPoints, Stopped> {
         let (origin, voxel) = self.frame();
         self.blocks = Vec::new();
-        let merged = merge_layers(&mut self.shards, progress)?;
+        let merged = if one_layer { merge_layers(&mut self.shards, progress)? } else { 0 };
         let filled = self.voxels();
         let mut kept: Vec<(u64, Voxel)> = Vec::with_capacity(filled);
         for shard in self.shards {

@@ -55,7 +55,7 @@ pub fn vote_onto(
     options: &OntoOptions,
     progress: &Progress,
 ) -> Result<Fused, SceneError> {
-    let fused = vote_seen(cloud, &SeenPoints::new(), views, tree, options, progress)?;
+    let fused = vote_seen(cloud.clone(), &SeenPoints::new(), views, tree, options, progress)?;
     if fused.report.frames_voted == 0 {
         return Err(SceneError::Request("no frame has both a mask and a camera with a pose; add masks first".into()));
     }
@@ -69,7 +69,7 @@ pub fn vote_onto(
 /// [`SceneError::Request`] for an empty cloud, a mask or depth of another size than its frame; what reading a frame says;
 /// [`SceneError::Stopped`].
 pub fn vote_seen(
-    cloud: &LabelledCloud,
+    cloud: LabelledCloud,
     seen: &SeenPoints,
     views: &dyn Views,
     tree: &LabelTree,
@@ -97,5 +97,5 @@ pub fn vote_seen(
     };
     let voted = vote(&cloud.positions, seen, views, &vote_options, progress)?;
     (report.frames_fused, report.frames_voted) = (seen.len(), voted.frames);
-    Ok(finish(labelled(cloud.clone(), &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
+    Ok(finish(labelled(cloud, &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
 }

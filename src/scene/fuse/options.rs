@@ -6,8 +6,7 @@ use crate::scene::points::OutlierOptions;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FuseOptions {
-    /// Edge of a voxel in world units, above 0; every voxel that frames fill gives one point, less those that are another
-    /// layer of the same surface. `None` = what one pixel covers at the median depth, of the labelled pixels where there are
+    /// Edge of a voxel in world units, above 0; every voxel that frames fill gives one point. `None` = what one pixel covers at the median depth, of the labelled pixels where there are
     /// some, or more where that gives more than about 4 million voxels.
     pub voxel: Option<f64>,
     /// Points whose label won a smaller share of the votes become unlabelled; 0–1.

@@ -27,6 +27,9 @@ use crate::scene::{LabelledCloud, SceneError};
 const MANY_VOXELS: usize = 8_000_000;
 /// Voxels above which a given size is refused: they take about 10 GB.
 const MAX_VOXELS: usize = 100_000_000;
+/// Frames that see a place, on average, from which on the layers of a surface become one: noise of so many frames fills the
+/// voxels before and behind it. Fewer frames make few layers, and thin parts lose by it.
+const MANY_VIEWS: f64 = 10.0;
 /// What a voxel size that was chosen too small is multiplied by.
 const COARSER: f64 = 1.5;
 
@@ -193,7 +196,8 @@ fn make_points(
         )));
     }
     report.warnings.extend(warning);
-    let points = grid.into_points(options.min_views, progress)?;
+    let one_layer = report.chosen.is_some_and(|chosen| chosen.views >= MANY_VIEWS);
+    let points = grid.into_points(options.min_views, one_layer, progress)?;
     (report.dropped.few_views, report.dropped.layers) = (points.few_views, points.merged);
     keep_inliers(points, options, report, progress).map(Some)
 }

@@ -302,7 +302,8 @@ fn a_frame_votes_in_the_pixels_that_are_known_to_see_a_point_and_nowhere_else() 
     let known: Vec<SeenPoint> = (0..cloud.len()).step_by(50).map(pixel).collect();
     assert!(cloud.len() > super::pairs::CHUNK && known.iter().any(ball) && !known.iter().all(ball));
     let seen = SeenPoints::from([(0, known.clone())]);
-    let fused = vote_seen(&cloud, &seen, &scene, &tree(), &OntoOptions::default(), &Progress::default()).unwrap();
+    let fused =
+        vote_seen(cloud.clone(), &seen, &scene, &tree(), &OntoOptions::default(), &Progress::default()).unwrap();
     for (point, label) in fused.cloud.labels.iter().enumerate() {
         let expected = match known.iter().find(|seen| seen.point as usize == point) {
             Some(seen) if ball(seen) => BALL,
@@ -373,7 +374,7 @@ fn the_tolerance_is_what_the_depths_keep_to() {
 /// Depths that are off by up to one voxel one way or the other, differently in each frame.
 #[test]
 fn a_surface_that_is_seen_often_by_a_noisy_sensor_gives_one_point_a_place() {
-    let exact = Scene::new(9);
+    let exact = Scene::new(24);
     let mut noisy = exact.clone();
     for (view, depth) in noisy.depths.iter_mut().enumerate() {
         let mut map = (**depth.as_ref().unwrap()).clone();
@@ -383,7 +384,9 @@ fn a_surface_that_is_seen_often_by_a_noisy_sensor_gives_one_point_a_place() {
         }
         *depth = Some(Arc::new(map));
     }
-    let (exact, noisy) = (exact.fused(&options()), noisy.fused(&options()));
+    let noisy = noisy.fused(&FuseOptions::default());
+    assert!(noisy.report.chosen.unwrap().views >= 10.0, "{:?}", noisy.report);
+    let exact = exact.fused(&FuseOptions { voxel: Some(noisy.report.voxel), ..FuseOptions::default() });
     let wall = |fused: &Fused| (0..fused.cloud.len()).filter(|&point| !is_ball(&fused.cloud, point)).count();
     assert!(noisy.report.dropped.layers * 4 > wall(&exact), "{:?}", noisy.report.dropped);
     assert!(wall(&noisy) * 2 < wall(&exact) * 5, "{} points of noise, {} without", wall(&noisy), wall(&exact));

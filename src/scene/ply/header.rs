@@ -7,8 +7,8 @@ use ply_rs::ply::{Addable, ElementDef, Encoding, Header, PropertyDef, PropertyTy
 use super::vertex::{Slot, Vertex};
 use crate::engine::disk;
 
-/// A header longer than this is no PLY header.
-const MAX_HEADER_BYTES: usize = 4 << 20;
+/// A header longer than this is no PLY header. One of 65,535 labels with long names takes a tenth of it.
+const MAX_HEADER_BYTES: usize = 64 << 20;
 
 /// What Windows editors and some exporters put before text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";

@@ -22,6 +22,8 @@ const STRIDE: usize = 1 << 16;
 const FAR: f64 = 1000.0;
 /// That origin is a multiple of this.
 const ORIGIN_STEP: f64 = 100.0;
+/// Points that the origin is chosen by.
+const ORIGIN_POINTS: usize = 4096;
 
 /// A cloud read from a PLY file, and what the file had.
 #[derive(Debug, Clone, PartialEq)]
@@ -185,8 +187,10 @@ struct Builder {
     without_label: Option<(usize, f64)>,
     /// Whether the file may hold more digits than 32 bits do.
     is_exact: bool,
-    /// What positions are reduced by, from the first point on.
+    /// What positions are reduced by, once enough points are known to choose it.
     shift: Option<DVec3>,
+    /// The positions until then.
+    first: Vec<DVec3>,
 }
 
 impl Builder {
@@ -208,6 +212,7 @@ impl Builder {
             has_confidence: layout.has(Slot::Confidence),
             is_exact: layout.double_positions || layout.encoding == Encoding::Ascii,
             shift: None,
+            first: Vec::new(),
             dropped: 0,
             without_label: None,
         }
@@ -215,9 +220,7 @@ impl Builder {
 
     fn push(&mut self, vertex: &Vertex) -> Result<(), String> {
         let exact = DVec3::new(vertex.at(Slot::X), vertex.at(Slot::Y), vertex.at(Slot::Z));
-        let position = exact.as_vec3();
-        let position = if position.is_finite() { self.reduced(exact) } else { position };
-        if !position.is_finite() {
+        if !exact.as_vec3().is_finite() {
             self.dropped += 1;
             return Ok(());
         }
@@ -228,7 +231,7 @@ impl Builder {
         } else {
             label_id(stored)?
         };
-        self.cloud.positions.push(position);
+        self.push_position(exact);
         self.cloud.normals.push(self.normal(vertex));
         let color = [Slot::Red, Slot::Green, Slot::Blue].map(|slot| vertex.at(slot));
         match self.colors {
@@ -241,14 +244,32 @@ impl Builder {
         Ok(())
     }
 
-    /// The position in 32 bits. Where the file has more digits and its first point lies far from zero, positions become
-    /// relative to an origin near that.
-    fn reduced(&mut self, exact: DVec3) -> Vec3 {
-        let shift = *self.shift.get_or_insert_with(|| {
-            let is_far = self.is_exact && exact.abs().max_element() >= FAR;
-            if is_far { (exact / ORIGIN_STEP).round() * ORIGIN_STEP + DVec3::ZERO } else { DVec3::ZERO }
-        });
-        (exact - shift).as_vec3()
+    fn push_position(&mut self, exact: DVec3) {
+        if let Some(shift) = self.shift {
+            self.cloud.positions.push((exact - shift).as_vec3());
+            return;
+        }
+        self.first.push(exact);
+        if self.first.len() == ORIGIN_POINTS {
+            self.choose_origin();
+        }
+    }
+
+    /// Where the file has more digits than 32 bits hold and most of its first points lie far from zero, positions become
+    /// relative to an origin near those. A point at zero in place of a hole, or a stray one, decides nothing.
+    fn choose_origin(&mut self) {
+        let median = |axis: usize| {
+            let mut along: Vec<f64> = self.first.iter().map(|at| at[axis]).collect();
+            let middle = along.len() / 2;
+            *along.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
+        let is_far = |at: DVec3| self.is_exact && at.abs().max_element() >= FAR;
+        let median = (!self.first.is_empty()).then(|| DVec3::from_array([0, 1, 2].map(median)));
+        let shift = median.filter(|&at| is_far(at)).map_or(DVec3::ZERO, |at| (at / ORIGIN_STEP).round() * ORIGIN_STEP);
+        // Adding zero turns -0 into 0.
+        let shift = shift + DVec3::ZERO;
+        self.shift = Some(shift);
+        self.cloud.positions.extend(self.first.drain(..).map(|exact| (exact - shift).as_vec3()));
     }
 
     fn normal(&self, vertex: &Vertex) -> Vec3 {
@@ -289,6 +310,9 @@ impl Builder {
     }
 
     fn finish(mut self, layout: &Layout) -> PlyCloud {
+        if self.shift.is_none() {
+            self.choose_origin();
+        }
         let mut used: Vec<LabelId> = self.cloud.labels.clone();
         used.sort_unstable();
         used.dedup();

@@ -316,3 +316,25 @@ fn meshes_of_others_are_read_in_text_and_with_larger_faces() {
     assert!(read("0.5 3 0 1").unwrap_err().contains("damaged"));
     assert!(read("0.5 3 0 1 x").unwrap_err().contains("no whole number"));
 }
+
+#[test]
+fn the_origin_is_near_most_points_whatever_the_first_one_is() {
+    let file = |points: &[[f64; 3]]| {
+        let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", points.len());
+        text += "property double x\nproperty double y\nproperty double z\nend_header\n";
+        points.iter().for_each(|[x, y, z]| text += &format!("{x} {y} {z}\n"));
+        read(text.as_bytes()).unwrap().cloud
+    };
+    let utm = |k: usize| [500_012.125 + k as f64 * 0.001, 5_400_031.5, 312.0];
+    for holes in [0, 1, 40] {
+        let points: Vec<[f64; 3]> = (0..holes).map(|_| [0.0; 3]).chain((0..5000).map(utm)).collect();
+        let cloud = file(&points);
+        assert_eq!(cloud.origin.to_array(), [500_000.0, 5_400_000.0, 300.0], "{holes} points at zero first");
+        for (at, exact) in cloud.positions.iter().zip(&points).skip(holes) {
+            let off = (at.as_dvec3() + cloud.origin - glam::DVec3::from_array(*exact)).abs().max_element();
+            assert!(off < 1e-4, "{off}");
+        }
+    }
+    let stray = file(&[[1e7, 0.0, 0.0], [0.125, 0.5, 1.0], [0.25, 0.5, 1.0]]);
+    assert_eq!((stray.origin, stray.positions[1]), (glam::DVec3::ZERO, Vec3::new(0.125, 0.5, 1.0)));
+}

@@ -144,6 +144,18 @@ pub trait FeatureMatcher: Send + Sync {
     fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
         Ok(Box::new(|first, second| self.matches(pictures[first], pictures[second])))
     }
+
+    /// As [`Self::of_set`], where only these pairs will be asked for.
+    ///
+    /// # Errors
+    /// As [`Self::matches`].
+    fn of_pairs<'a>(
+        &'a self,
+        pictures: &'a [&'a Features],
+        _pairs: &[(usize, usize)],
+    ) -> Result<PairMatches<'a>, FeatureError> {
+        self.of_set(pictures)
+    }
 }
 
 /// Matches of two pictures of a set, as [`FeatureMatcher::matches`].

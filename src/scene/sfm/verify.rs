@@ -31,7 +31,7 @@ pub fn match_pairs(
     progress: &Progress,
 ) -> Result<Vec<TriedPair>, SfmError> {
     let done = AtomicUsize::new(0);
-    let matcher = matcher.of_set(features)?;
+    let matcher = matcher.of_pairs(features, pairs)?;
     let tried = pairs.par_iter().map(|&(first, second)| {
         let matches = matcher(first, second)?;
         let both = [(first, features[first], cameras[first]), (second, features[second], cameras[second])];

@@ -48,7 +48,7 @@ type Side = [(usize, Voxel); CORNERS];
 impl Volume {
     /// The surface between voxels before and behind it, where all corners of a cell were seen and the surface often enough.
     /// The same volume gives the same triangles for any number of threads.
-    pub(super) fn extract(&self, progress: &Progress) -> Result<Raw, Stopped> {
+    pub(super) fn extract(self, progress: &Progress) -> Result<Raw, Stopped> {
         let signs: Vec<Signs> = self.blocks.par_iter().map(Block::signs).collect();
         let vertices: Vec<Vertices> = self
             .blocks
@@ -70,12 +70,22 @@ impl Volume {
                 Ok(self.triangles_of(block, &signs, &vertices, &first))
             })
             .collect::<Result<_, Stopped>>()?;
-        Ok(Raw {
-            positions: vertices.iter().flat_map(|block| &block.positions).copied().collect(),
-            colors: vertices.iter().flat_map(|block| &block.colors).copied().collect(),
-            weights: vertices.iter().flat_map(|block| &block.weights).copied().collect(),
-            triangles: triangles.concat(),
-        })
+        // The volume is by far the largest part.
+        drop((self, signs));
+        let count = first[first.len() - 1] as usize;
+        let mut raw = Raw {
+            positions: Vec::with_capacity(count),
+            colors: Vec::with_capacity(count),
+            weights: Vec::with_capacity(count),
+            triangles: Vec::with_capacity(triangles.iter().map(Vec::len).sum()),
+        };
+        for block in vertices {
+            raw.positions.extend(block.positions);
+            raw.colors.extend(block.colors);
+            raw.weights.extend(block.weights);
+        }
+        triangles.into_iter().for_each(|of_block| raw.triangles.extend(of_block));
+        Ok(raw)
     }
 
     fn around(&self, block: &Block) -> Around<'_> {

@@ -52,9 +52,8 @@ pub fn reconstruct_surface(
             return Err(SceneError::TooLarge { voxel: options.voxel, mebibytes: options.max_bytes >> 20 });
         }
     }
-    let raw = volume.extract(progress)?;
     let (frames, bytes) = (volume.frames as usize, volume.bytes());
-    drop(volume);
+    let raw = volume.extract(progress)?;
     let keep = raw.in_true_pieces(options.min_triangles, options.keep_well_seen);
     let mut vertices = LabelledCloud::from_positions(raw.positions);
     vertices.colors = raw.colors;

@@ -6,21 +6,29 @@ use anyhow::{Context, Result};
 use rayon::prelude::*;
 use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
 
+use super::undistorted::left_out;
 use crate::engine::disk::AtomicFile;
 use crate::engine::job::Progress;
-use crate::frames::{DepthMap, FrameStore};
+use crate::frames::{DepthMap, FrameError, FrameStore};
 use crate::session::Project;
 
-/// Writes the depth of every frame that has any as a 32-bit float TIFF in world units, 0 = unknown.
-pub fn write(folder: &Path, project: &Project, store: &FrameStore, progress: &Progress) -> Result<()> {
+/// Writes the depth of every frame that has any as a 32-bit float TIFF in world units, 0 = unknown. Depths that cannot be
+/// read are left out; a warning names them.
+pub fn write(folder: &Path, project: &Project, store: &FrameStore, progress: &Progress) -> Result<Vec<String>> {
     progress.stage("write depths")?;
     let done = AtomicUsize::new(0);
     let stems = super::masks::stems(project)?;
-    project.frames.par_iter().zip(&stems).try_for_each(|(frame, stem)| {
+    let written = project.frames.par_iter().zip(&stems).map(|(frame, stem)| {
         progress.step(done.fetch_add(1, Ordering::Relaxed), project.frames.len())?;
-        let Some(depth) = store.depth(frame)? else { return Ok(()) };
-        write_tiff(&folder.join(format!("{stem}.tiff")), &depth)
-    })
+        match store.depth(frame) {
+            Ok(Some(depth)) => write_tiff(&folder.join(format!("{stem}.tiff")), &depth).map(|()| (true, None)),
+            Ok(None) => Ok((false, None)),
+            Err(error) => Ok((false, Some(error))),
+        }
+    });
+    let (written, unreadable): (Vec<bool>, Vec<Option<FrameError>>) =
+        written.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+    Ok(left_out(folder, "depth", unreadable, written.contains(&true))?.into_iter().collect())
 }
 
 fn write_tiff(path: &Path, depth: &DepthMap) -> Result<()> {

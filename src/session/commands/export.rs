@@ -134,26 +134,40 @@ fn write(
     targets: &ExportTargets,
     progress: &Progress,
 ) -> Result<Vec<String>> {
-    let mut warnings: Vec<String> = outdated(request, sources).into_iter().collect();
-    let files = output_files(request, &sources.tree_of_files());
+    let of_cloud = request.cloud.is_some() || request.voxels.is_some() || request.traits.is_some();
+    let cloud = (of_cloud || request.per_label).then(|| load_cloud(sources, progress)).transpose()?;
+    // A cloud may have labels that the project has no longer; they get files too.
+    let labels = cloud.as_ref().map_or_else(LabelTree::default, |cloud| sources.tree_of_today(&cloud.tree));
+    let files = output_files(request, &labels);
     if request.per_label {
         targets.check_files(files.iter().map(PathBuf::as_path))?;
     }
-    ExportTargets::begin_files(files.iter().map(PathBuf::as_path))?;
-    output_folders(request).try_for_each(ExportTargets::begin_folder)?;
-    if request.cloud.is_some() || request.voxels.is_some() || request.traits.is_some() {
-        let cloud = load_cloud(sources, progress)?;
+    let folders: Vec<PathBuf> = output_folders(request).map(Path::to_owned).collect();
+    let write = || write_targets(request, sources, cloud.as_ref(), progress);
+    let (mut warnings, removed) = ExportTargets::write_all(&files, &folders, write)?;
+    warnings.extend(removed);
+    Ok(warnings)
+}
+
+fn write_targets(
+    request: &ExportRequest,
+    sources: &Sources,
+    cloud: Option<&LabelledCloud>,
+    progress: &Progress,
+) -> Result<Vec<String>> {
+    let mut warnings: Vec<String> = outdated(request, sources).into_iter().collect();
+    if let Some(cloud) = cloud {
         if let Some(path) = &request.cloud {
-            write_cloud(path, &cloud, request, progress)?;
+            write_cloud(path, cloud, request, progress)?;
             warnings.extend(save_origin(path, cloud.origin)?);
-            warnings.extend(without_points(&cloud, request.level).filter(|_| request.per_label));
+            warnings.extend(without_points(cloud, request.level).filter(|_| request.per_label));
         }
-        let voxels = |path| super::models::write_voxels(path, &cloud, sources, request, progress);
+        let voxels = |path| super::models::write_voxels(path, cloud, sources, request, progress);
         request.voxels.as_deref().map_or(Ok(()), voxels)?;
         if let Some(path) = &request.voxels {
             warnings.extend(save_origin(path, cloud.origin)?);
         }
-        let traits = |path| super::traits::write(path, &cloud, request, sources.unit, progress);
+        let traits = |path| super::traits::write(path, cloud, request, sources.unit, progress);
         request.traits.as_deref().map_or(Ok(()), traits)?;
     }
     if let Some(path) = &request.mesh {
@@ -180,16 +194,14 @@ fn write(
         write_colmap_model(folder, renamed.as_deref().unwrap_or(frames), &sparse()?, request.camera_encoding)?;
     }
     if let Some(folder) = &request.undistorted {
-        super::undistorted::write(folder, &sources.project, &sparse()?, &sources.store, progress)?;
+        warnings.extend(super::undistorted::write(folder, &sources.project, &sparse()?, &sources.store, progress)?);
     }
     if let Some(folder) = &request.masks {
         super::masks::write(folder, mask_format(request)?, &sources.project, request.level, progress)?;
     }
     if let Some(folder) = &request.depths {
-        super::depths::write(folder, &sources.project, &sources.store, progress)?;
+        warnings.extend(super::depths::write(folder, &sources.project, &sources.store, progress)?);
     }
-    ExportTargets::note_files(files.iter().map(PathBuf::as_path).filter(|file| file.is_file()))?;
-    output_folders(request).try_for_each(ExportTargets::note_folder)?;
     Ok(warnings)
 }
 
@@ -298,11 +310,6 @@ impl Sources {
             let _ = tree.set(Label { parent: None, ..label.clone() });
         }
         tree
-    }
-
-    /// All labels that files per label may be written for.
-    fn tree_of_files(&self) -> LabelTree {
-        self.cloud.as_ref().map_or_else(|| self.project.labels.clone(), |cloud| self.tree_of_today(&cloud.tree))
     }
 
     /// How the cloud of so many points was voted on; `None` for a PLY that is inspected.

@@ -41,19 +41,18 @@ impl Session {
             let before = VotedBefore::find(&project, &root, &request, &geometry, loaded);
             let onto = OntoScale::of(&project, &request)?;
             let scaled = before.as_ref().map_or(onto.factor, |before| before.record.scaled);
+            // The surface comes first: made while the points and their votes are in memory, it would need room besides.
+            let sources = Sources { store: &store, root: &root, project: &project, request: &request };
+            let (voxel, no_surface) = match sources.make_surface(version, before.as_ref(), &link.progress)? {
+                Made::Surface { voxel } => (Some(voxel), None),
+                Made::Nothing(why) => (None, why),
+            };
             let (mut fused, settings) =
                 make(&store, &root, &project, &request, (before.as_ref(), &onto), &link.progress)?;
+            fused.report.warnings.extend(no_surface);
             link.progress.stage("save")?;
             save_ply(&cloud_path(&root, version), &fused.cloud, Coloring::Picture, &link.progress)?;
             save_votes(&votes_path(&root, version), &fused.votes)?;
-            let sources = Sources { store: &store, root: &root, project: &project, request: &request };
-            let voxel = match sources.make_surface(version, before.as_ref(), &link.progress)? {
-                Made::Surface { voxel } => Some(voxel),
-                Made::Nothing(why) => {
-                    fused.report.warnings.extend(why);
-                    None
-                }
-            };
             sync_folder(&root.join("versions"))?;
             let summary = summary(&request, &fused, voxel);
             let record = ResultRecord {
@@ -124,10 +123,11 @@ fn make_points(
     let onto = OntoOptions { min_confidence, drop_unlabelled, ..OntoOptions::default() };
     if let Some(path) = &request.onto {
         let mut given = read_ply(path, progress)?;
-        given.cloud.move_origin(project.origin);
+        // The project's origin was scaled with its cameras.
         if let Some(factor) = scale.factor {
             given.cloud.scale_by(factor);
         }
+        given.cloud.move_origin(project.origin);
         given.warnings.extend(scale.warning.clone());
         let mut fused = vote_onto(&given.cloud, views, &project.labels, &onto, progress)?;
         fused.report.warnings.splice(0..0, given.warnings);
@@ -136,7 +136,7 @@ fn make_points(
     if let Some(version) = stereo_version(project) {
         let (cloud, voxel) = dense_cloud(views.store, root, project, version, request.voxel, progress)?;
         let (points, seen) = cloud.into_points();
-        let mut fused = vote_seen(&points, &seen, views, &project.labels, &onto, progress)?;
+        let mut fused = vote_seen(points, &seen, views, &project.labels, &onto, progress)?;
         fused.report.voxel = voxel.unwrap_or_default();
         if has_stale_depths(project) {
             fused.report.warnings.push("the depths were made with other cameras; reconstruct again".into());

@@ -44,10 +44,12 @@ impl Session {
         let targets = ExportTargets::of(&project, self.root(), overwrite);
         targets.check_folder(&dir)?;
         Ok(self.start("Export masks", Kind::Short, move |link| {
-            ExportTargets::begin_folder(&dir)?;
-            write(&dir, format, &project, None, &link.progress)?;
-            ExportTargets::note_folder(&dir)?;
-            Ok(Box::new(|_: &mut Self| Ok(())) as Landing)
+            let write = || write(&dir, format, &project, None, &link.progress);
+            let ((), warnings) = ExportTargets::write_all(&[], std::slice::from_ref(&dir), write)?;
+            Ok(Box::new(|session: &mut Self| {
+                session.warn_all(warnings);
+                Ok(())
+            }) as Landing)
         }))
     }
 }

@@ -16,20 +16,33 @@ impl Session {
         let project = self.snapshot()?;
         let (from, to) = (plain(from)?, plain(to)?);
         Ok(self.start("Look for moved frames", Kind::Short, move |link| {
-            let mut edits = Vec::new();
+            let (mut edits, mut missing) = (Vec::new(), Vec::new());
             for (number, frame) in project.frames.iter().enumerate() {
                 link.progress.step(number, project.frames.len())?;
-                if let Some(value) = moved(frame, &from, &to)? {
-                    edits.push(Edit::SetFrame { frame: number, value: Box::new(value) });
+                match moved(frame, &from, &to)? {
+                    Moved::To(value) => edits.push(Edit::SetFrame { frame: number, value }),
+                    Moved::Missing(path) => missing.push(path),
+                    Moved::Not => {}
                 }
+            }
+            let first_missing = missing.first().map(|path| path.display().to_string());
+            if let Some(first) = first_missing.as_ref().filter(|_| edits.is_empty()) {
+                bail!("{first}: is missing; give the folder that has the same files as {} had", from.display());
             }
             if edits.is_empty() {
                 let folders = folders(&project.frames);
                 bail!("no frame comes from {}; their sources are in {folders}: name one of these", from.display());
             }
             let (count, place) = (edits.len(), to.display().to_string());
+            let warning = first_missing.map(|first| {
+                format!(
+                    "{} frames stay as they were, because their files are not there (first: {first})",
+                    missing.len()
+                )
+            });
             Ok(Box::new(move |session: &mut Self| {
                 session.commit(&format!("Frames moved to {place}"), edits)?;
+                session.warn_all(warning.into_iter().collect());
                 session.events.push(Event::Notice(format!("{count} frames are read from {place} now")));
                 Ok(())
             }))
@@ -43,9 +56,18 @@ fn plain(path: &Path) -> Result<PathBuf> {
     Ok(joined(Path::new(""), &absolute))
 }
 
-/// The frame with the sources that were below `from` below `to`; `None` when none was. Every file there must be one that
-/// the frame can have been made of.
-fn moved(frame: &Frame, from: &Path, to: &Path) -> Result<Option<Frame>> {
+/// What becomes of a frame.
+enum Moved {
+    To(Box<Frame>),
+    /// This file of it is not at the new place.
+    Missing(PathBuf),
+    /// None of its sources was below the old place.
+    Not,
+}
+
+/// The frame with the sources that were below `from` below `to`. Every file there must be one that the frame can have been
+/// made of.
+fn moved(frame: &Frame, from: &Path, to: &Path) -> Result<Moved> {
     let place = |path: &Path| {
         let path = joined(Path::new(""), path);
         let below = path.strip_prefix(from).ok()?;
@@ -55,11 +77,7 @@ fn moved(frame: &Frame, from: &Path, to: &Path) -> Result<Option<Frame>> {
     for (number, new) in places.iter().enumerate() {
         if let Some(new) = new {
             if !new.is_file() {
-                bail!(
-                    "{}: is missing; give the folder that has the same files as {} had",
-                    new.display(),
-                    from.display()
-                );
+                return Ok(Moved::Missing(new.clone()));
             }
             check_source(frame, number, new)?;
         }
@@ -70,7 +88,7 @@ fn moved(frame: &Frame, from: &Path, to: &Path) -> Result<Option<Frame>> {
             path.clone_from(new);
         }
     }
-    Ok(places.iter().any(Option::is_some).then_some(value))
+    Ok(if places.iter().any(Option::is_some) { Moved::To(Box::new(value)) } else { Moved::Not })
 }
 
 /// The first folders that frames are read from.

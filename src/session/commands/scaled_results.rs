@@ -55,10 +55,10 @@ impl Scaling {
     /// # Errors
     /// Where a file of a result is gone or damaged, or one cannot be written; when stopped.
     pub(super) fn write(&self, progress: &Progress) -> Result<ScaledResults> {
-        let frames: Vec<Frame> = self.project.frames.iter().map(|frame| self.frame(frame)).collect();
+        let mut frames: Vec<Frame> = self.project.frames.iter().map(|frame| self.frame(frame)).collect();
         self.write_sparse(&frames)?;
-        let has_depths = self.write_depths(progress)?;
         let mut warnings = Vec::new();
+        let has_depths = self.write_depths(&mut frames, &mut warnings, progress)?;
         let cloud = self.write_cloud(&frames, &mut warnings, progress)?;
         sync_folder(&self.root.join("versions"))?;
         Ok(ScaledResults { frames, has_depths, cloud, warnings })
@@ -86,13 +86,15 @@ impl Scaling {
         save_links(&folder, &load_links(&source)?)
     }
 
-    /// Writes scaled copies of the depth maps that stereo made; whether there are any.
-    fn write_depths(&self, progress: &Progress) -> Result<bool> {
+    /// Writes scaled copies of the depth maps that stereo made; whether there are any. Frames of `scaled` whose map cannot be
+    /// read lose it, with a warning.
+    fn write_depths(&self, scaled: &mut [Frame], warnings: &mut Vec<String>, progress: &Progress) -> Result<bool> {
         let frames = &self.project.frames;
-        let maps: Vec<(&Frame, &PathBuf, f64)> = frames
+        let maps: Vec<(usize, &PathBuf, f64)> = frames
             .iter()
-            .filter_map(|frame| match &frame.depth {
-                Some(DepthSource::Made { made, scale }) => Some((frame, made, *scale)),
+            .enumerate()
+            .filter_map(|(number, frame)| match &frame.depth {
+                Some(DepthSource::Made { made, scale }) => Some((number, made, *scale)),
                 _ => None,
             })
             .collect();
@@ -101,14 +103,26 @@ impl Scaling {
         }
         progress.stage("scale depths")?;
         let done = AtomicUsize::new(0);
-        maps.par_iter().try_for_each(|&(frame, made, scale)| {
+        let scale_map = |&(number, made, scale): &(usize, &PathBuf, f64)| -> Result<Option<(usize, String)>> {
             progress.step(done.fetch_add(1, Ordering::Relaxed), maps.len())?;
-            let again = || format!("the depth of {} cannot be scaled", frame.name);
-            let mut map = MadeDepth::read(&self.root.join(made)).with_context(again)?;
+            let mut map = match MadeDepth::read(&self.root.join(made)) {
+                Ok(map) => map,
+                Err(error) => return Ok(Some((number, error.to_string()))),
+            };
             let factor = scale * self.factor;
             map.depth.depths.iter_mut().for_each(|depth| *depth = (f64::from(*depth) * factor) as f32);
-            replace(&self.root.join(depth_map_path(self.version, &frame.name)), &map.encode().with_context(again)?)
-        })?;
+            let name = &frames[number].name;
+            let bytes = map.encode().with_context(|| format!("the depth of {name} cannot be scaled"))?;
+            replace(&self.root.join(depth_map_path(self.version, name)), &bytes)?;
+            Ok(None)
+        };
+        let unreadable: Vec<(usize, String)> =
+            maps.par_iter().filter_map(|map| scale_map(map).transpose()).collect::<Result<_>>()?;
+        if let Some((_, first)) = unreadable.first() {
+            let count = unreadable.len();
+            warnings.push(format!("{count} depth maps cannot be read and were taken off their frames ({first})"));
+        }
+        unreadable.iter().for_each(|&(number, _)| scaled[number].depth = None);
         if let Some(before) = version_in_force(&self.project, ResultKind::Depths) {
             let account = DepthFolder::new(&self.root, before, frames).load_account()?;
             // No run goes on from these: they are whole.
@@ -176,9 +190,11 @@ impl ScaledResults {
     /// stale by them: what fitted before fits as before.
     pub(super) fn edits(&self, scaling: &Scaling, now: &Project) -> Vec<Edit> {
         let numbered = || self.frames.iter().enumerate();
-        let mut edits: Vec<Edit> =
-            numbered().map(|(frame, scaled)| Edit::SetCamera { frame, camera: scaled.camera }).collect();
-        let made = numbered().filter(|(_, frame)| matches!(frame.depth, Some(DepthSource::Made { .. })));
+        let origin = now.origin * scaling.factor;
+        let mut edits: Vec<Edit> = if origin == now.origin { Vec::new() } else { vec![Edit::SetOrigin { origin }] };
+        edits.extend(numbered().map(|(frame, scaled)| Edit::SetCamera { frame, camera: scaled.camera }));
+        let had_made = |number: usize| matches!(now.frames[number].depth, Some(DepthSource::Made { .. }));
+        let made = numbered().filter(|&(number, _)| had_made(number));
         edits.extend(made.map(|(frame, scaled)| Edit::SetDepth { frame, depth: scaled.depth.clone() }));
         let is_fresh = |mask: &FrameMask| mask.origin == MaskOrigin::Tracked && !mask.stale;
         let fresh = now.masks.iter().filter(|(_, mask)| is_fresh(mask)).map(|(&frame, _)| frame).collect();

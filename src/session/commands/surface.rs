@@ -103,16 +103,11 @@ impl Sources<'_> {
         Ok(Some(measured.max(proportionate)))
     }
 
-    fn vote(
-        &self,
-        mut mesh: LabelledMesh,
-        views: &ProjectViews<'_>,
-        progress: &Progress,
-    ) -> Result<(LabelledMesh, Votes)> {
+    fn vote(&self, mesh: LabelledMesh, views: &ProjectViews<'_>, progress: &Progress) -> Result<(LabelledMesh, Votes)> {
         let min_confidence = self.request.min_confidence.unwrap_or(0.0);
         let onto = OntoOptions { min_confidence, ..OntoOptions::default() };
-        let voted = vote_seen(&mesh.vertices, &SeenPoints::new(), views, &self.project.labels, &onto, progress)?;
-        mesh.vertices = voted.cloud;
+        let voted = vote_seen(mesh.vertices, &SeenPoints::new(), views, &self.project.labels, &onto, progress)?;
+        let mesh = LabelledMesh { vertices: voted.cloud, triangles: mesh.triangles };
         if !self.request.drop_unlabelled {
             return Ok((mesh, voted.votes));
         }

@@ -10,34 +10,41 @@ use rayon::prelude::*;
 use crate::engine::disk;
 use crate::engine::job::Progress;
 use crate::frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
-use crate::frames::{Frame, FrameCamera, FrameStore, Image, Orientation, PictureSource};
+use crate::frames::{Frame, FrameCamera, FrameError, FrameStore, Image, Orientation, PictureSource};
 use crate::masks::{RunMask, encode_palette_png};
 use crate::scene::sfm::{undistort_image, undistort_mask, undistorted_camera};
 use crate::session::Project;
 
 /// Writes every frame that has a camera as a pinhole camera sees it: `images/` upright as PNG, `masks/` by nearest id,
-/// `sparse/` the cameras and points (COLMAP text).
+/// `sparse/` the cameras and points (COLMAP text). Frames whose image cannot be read are left out; a warning names them.
 pub fn write(
     folder: &Path,
     project: &Project,
     sparse: &SparsePoints,
     store: &FrameStore,
     progress: &Progress,
-) -> Result<()> {
-    progress.stage("write undistorted pictures")?;
+) -> Result<Vec<String>> {
+    progress.stage("write undistorted images")?;
     let done = AtomicUsize::new(0);
     // The model names the images, so both get names that the model's text can hold.
     let named = with_text_names(&project.frames);
     let project =
         &named.map_or_else(|| project.clone(), |frames| Project { frames: Arc::new(frames), ..project.clone() });
     let stems = super::masks::stems(project)?;
-    let frames: Vec<Frame> =
+    let mut frames: Vec<Frame> =
         project.global_frames().iter().zip(&stems).map(|(frame, stem)| pinhole(frame, stem)).collect();
-    (0..frames.len()).into_par_iter().try_for_each(|number| {
+    let written = (0..frames.len()).into_par_iter().map(|number| {
         progress.step(done.fetch_add(1, Ordering::Relaxed), frames.len())?;
         write_frame(folder, project, number, &frames[number], store)
-    })?;
+    });
+    let unreadable: Vec<Option<FrameError>> = written.collect::<Result<_>>()?;
     let mut sparse = sparse.clone();
+    for (frame, error) in frames.iter_mut().zip(&unreadable) {
+        if error.is_some() {
+            frame.camera = None;
+        }
+    }
+    sparse.keypoints.retain(|&number, _| unreadable[number].is_none());
     for (&number, keypoints) in &mut sparse.keypoints {
         let (Some(from), Some(to)) = (project.frames[number].camera, frames[number].camera) else { continue };
         for keypoint in keypoints {
@@ -45,7 +52,10 @@ pub fn write(
             keypoint.at_px = to.intrinsics.project(ray).unwrap_or(keypoint.at_px);
         }
     }
-    Ok(write_colmap_model(&folder.join("sparse"), &frames, &sparse, ModelEncoding::Text)?)
+    let is_any = frames.iter().any(|frame| frame.posed_camera().is_some());
+    let warning = left_out(folder, "image", unreadable, is_any)?;
+    write_colmap_model(&folder.join("sparse"), &frames, &sparse, ModelEncoding::Text)?;
+    Ok(warning.into_iter().collect())
 }
 
 /// The frame with an undistorted, upright picture.
@@ -61,17 +71,47 @@ fn pinhole(frame: &Frame, stem: &str) -> Frame {
     }
 }
 
-fn write_frame(folder: &Path, project: &Project, number: usize, to: &Frame, store: &FrameStore) -> Result<()> {
+/// Writes the image and mask of a frame, or gives why its image cannot be read.
+fn write_frame(
+    folder: &Path,
+    project: &Project,
+    number: usize,
+    to: &Frame,
+    store: &FrameStore,
+) -> Result<Option<FrameError>> {
     let from = &project.frames[number];
-    let (Some((camera, _)), Some((pinhole, _))) = (from.posed_camera(), to.posed_camera()) else { return Ok(()) };
-    let image = undistort_image(&*store.image(from)?, camera, pinhole);
+    let (Some((camera, _)), Some((pinhole, _))) = (from.posed_camera(), to.posed_camera()) else { return Ok(None) };
+    let image = match store.image(from) {
+        Ok(image) => undistort_image(&*image, camera, pinhole),
+        Err(error) => return Ok(Some(error)),
+    };
     save_image(&folder.join("images").join(&to.name), &image)?;
-    let Some(mask) = project.mask_in_play(number) else { return Ok(()) };
+    let Some(mask) = project.mask_in_play(number) else { return Ok(None) };
     let mask = undistort_mask(&mask.decode(), camera, pinhole);
     let path = folder.join("masks").join(&to.name);
     super::make_folder_of(&path)?;
     disk::write(&path, &encode_palette_png(&RunMask::encode(&mask), &project.labels)?)
-        .with_context(|| cannot_write(&path))
+        .with_context(|| cannot_write(&path))?;
+    Ok(None)
+}
+
+/// One line about the frames of an export whose image or depth cannot be read.
+///
+/// # Errors
+/// The first of them, where no other frame was exported.
+pub(super) fn left_out(
+    folder: &Path,
+    what: &str,
+    unreadable: Vec<Option<FrameError>>,
+    is_any_exported: bool,
+) -> Result<Option<String>> {
+    let mut errors = unreadable.into_iter().flatten();
+    let Some(first) = errors.next() else { return Ok(None) };
+    if !is_any_exported {
+        return Err(first.into());
+    }
+    let (count, folder) = (1 + errors.count(), folder.display());
+    Ok(Some(format!("{folder}: {count} frames whose {what} cannot be read are left out (first: {first})")))
 }
 
 fn save_image(path: &Path, image: &Image) -> Result<()> {

@@ -99,6 +99,7 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
         }
         clock.time("5 track", || SimulatedUser::track(&mut studio))?;
     }
+    studio.session.release_memory();
     clock.time("6 fuse", || studio.act(Command::Fuse(FuseRequest::default())))?;
     if studio.session.votes().is_some_and(|votes| votes.has_voters()) {
         clock.time("6 adopt", || studio.act(Command::Adopt(AdoptRequest::default())))?;
@@ -106,6 +107,7 @@ pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<
     if !told_apart.is_empty() {
         clock.time("6 instances", || tell_apart(&mut studio, &told_apart))?;
     }
+    studio.session.release_memory();
     clock.time("6 fuse", || {
         studio.act(Command::Fuse(FuseRequest { drop_unlabelled: true, ..FuseRequest::default() }))
     })?;

@@ -7,7 +7,8 @@ use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 
 use crate::engine::disk;
-use crate::session::export_targets::{ExportRecord, files_below};
+use crate::session::export_targets::{ExportRecord, Known, files_below};
+use crate::session::store::Lock;
 
 /// Marks a folder that a demo made.
 const MARKER: &str = ".ostra-demo.json";
@@ -43,13 +44,17 @@ pub fn prepare(out: &Path) -> Result<()> {
             .with_context(|| format!("{}: cannot be made; choose another folder for the demo", out.display()))?;
         return Marker::default().write(out);
     }
-    let Ok(bytes) = fs::read(out.join(MARKER)) else {
+    let Ok(bytes) = disk::read_regular(&out.join(MARKER)) else {
         bail!("{}: is not empty and was not made by a demo; choose a new or empty folder", out.display());
     };
+    let project = out.join("project");
+    // Held while its files go, so that no other process has it open.
+    let lock = project.join("project.toml").is_file().then(|| Lock::take(&project)).transpose()?;
     match serde_json::from_slice::<Marker>(&bytes).unwrap_or_default().made {
         Some(record) => remove_unchanged(out, &record)?,
         None => set_aside(out)?,
     }
+    drop(lock);
     Marker::default().write(out)
 }
 
@@ -78,7 +83,7 @@ fn made_files(out: &Path) -> Result<Vec<PathBuf>> {
 }
 
 fn remove_unchanged(out: &Path, record: &ExportRecord) -> Result<()> {
-    let kept = made_files(out)?.into_iter().find(|file| record.is_unchanged(out, file) != Some(true));
+    let kept = made_files(out)?.into_iter().find(|file| record.known(out, file) != Some(Known::Unchanged));
     if let Some(file) = kept {
         bail!(
             "{}: was changed or added after the demo that made {}; choose another folder, or remove this one first",
@@ -139,6 +144,20 @@ mod tests {
         fs::remove_file(out.join("project/thesis.tex")).unwrap();
         fs::write(out.join("project/project.toml"), "edited").unwrap();
         assert!(prepare(&out).is_err());
+    }
+
+    #[test]
+    fn a_demo_whose_project_is_open_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        prepare(dir.path()).unwrap();
+        put(dir.path(), "project/project.toml");
+        finish(dir.path()).unwrap();
+        let lock = Lock::take(&dir.path().join("project")).unwrap();
+        assert!(prepare(dir.path()).unwrap_err().to_string().contains("is open in another window"));
+        assert!(dir.path().join("project/project.toml").is_file());
+        drop(lock);
+        prepare(dir.path()).unwrap();
+        assert!(!dir.path().join("project").exists());
     }
 
     #[test]

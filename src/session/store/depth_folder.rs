@@ -11,9 +11,13 @@ use serde::{Deserialize, Serialize};
 
 use super::durable;
 use super::versions::{depth_file, depths_path};
+use crate::engine::disk;
 use crate::frames::{DepthMap, DepthSource, Frame, FrameError, MadeDepth};
 use crate::scene::SceneError;
 use crate::scene::stereo::{DepthEstimate, DepthStore, Stage, ViewOutcome};
+
+/// A larger account is damaged: one of a million frames takes half of it.
+const MAX_ACCOUNT_BYTES: u64 = 512 << 20;
 
 const ACCOUNT: &str = "views.json";
 const ROUNDS: &str = "rounds";
@@ -76,8 +80,8 @@ impl DepthFolder {
     /// When the file is gone or damaged.
     pub fn load_account(&self) -> Result<DepthAccount> {
         let path = self.folder.join(ACCOUNT);
-        let bytes =
-            fs::read(&path).with_context(|| format!("{}: cannot be read; reconstruct again", path.display()))?;
+        let bytes = disk::read_regular_up_to(&path, MAX_ACCOUNT_BYTES)
+            .with_context(|| format!("{}: cannot be read; reconstruct again", path.display()))?;
         serde_json::from_slice(&bytes).with_context(|| format!("{}: is damaged; reconstruct again", path.display()))
     }
 

@@ -41,7 +41,7 @@ pub fn cannot_write(path: &Path) -> String {
 }
 
 /// The folders of a project that hold only its own files.
-pub const OWN_FOLDERS: [&str; 4] = ["masks", "depths", "sparse", "versions"];
+pub const OWN_FOLDERS: [&str; 5] = ["masks", "depths", "sparse", "versions", "cache"];
 
 /// The files of a project directly in its folder.
 pub const OWN_FILES: [&str; 8] =

@@ -1,3 +1,4 @@
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -10,6 +11,7 @@ use super::load::State;
 use super::lock::Lock;
 use super::mask_files::Runs;
 use super::{Act, Record, contained, durable, load, manifest};
+use crate::engine::disk;
 use crate::engine::job::Progress;
 use crate::frames::Frame;
 use crate::session::{History, Project};
@@ -275,12 +277,23 @@ fn fingerprint(root: &Path) -> Result<Vec<u8>> {
     let mut digest = Sha256::new();
     for name in ["project.toml", "journal.jsonl"] {
         let path = root.join(name);
-        let bytes = match std::fs::read(&path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
-            read => read.with_context(|| format!("{}: cannot be read", path.display()))?,
+        let cannot = || format!("{}: cannot be read", path.display());
+        let mut reader = match disk::open_regular(&path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => continue,
+            opened => BufReader::with_capacity(1 << 20, opened.with_context(cannot)?),
         };
-        digest.update(bytes.len().to_le_bytes());
-        digest.update(bytes);
+        let mut length = 0;
+        loop {
+            let bytes = reader.fill_buf().with_context(cannot)?;
+            if bytes.is_empty() {
+                break;
+            }
+            digest.update(bytes);
+            let read = bytes.len();
+            reader.consume(read);
+            length += read;
+        }
+        digest.update(length.to_le_bytes());
     }
     Ok(digest.finalize().to_vec())
 }

@@ -7,6 +7,9 @@ use anyhow::{Context, Result, bail};
 use super::{Record, durable};
 use crate::engine::disk;
 
+/// A larger journal or history is refused.
+const MAX_BYTES: u64 = 4 << 30;
+
 /// A file of [`Record`]s, one a line, that only grows; each line is on the disk before [`Journal::append`] returns.
 #[derive(Debug)]
 pub struct Journal {
@@ -63,12 +66,13 @@ impl ReadRecords {
 /// # Errors
 /// When the file cannot be read.
 pub fn read_records(path: &Path) -> Result<ReadRecords> {
-    let bytes = match std::fs::read(path) {
+    let bytes = match disk::read_regular_up_to(path, MAX_BYTES) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
         Err(error) => return Err(error).with_context(|| format!("{}: cannot be read", path.display())),
     };
-    let mut read = ReadRecords { is_torn: bytes.last().is_some_and(|&byte| byte != b'\n'), ..ReadRecords::default() };
+    let torn = bytes.split(|&byte| byte == b'\n').next_back().unwrap_or_default();
+    let mut read = ReadRecords { is_torn: !torn.is_empty(), ..ReadRecords::default() };
     let mut end = 0;
     let mut lines = bytes.split_inclusive(|&byte| byte == b'\n').filter(|line| line.ends_with(b"\n"));
     while let Some(line) = lines.next() {
@@ -85,7 +89,21 @@ pub fn read_records(path: &Path) -> Result<ReadRecords> {
             }
         }
     }
+    if read.rest.is_none() && read.is_torn && !is_begun_record(torn) {
+        read.rest = Some(Rest { why: format!("line {} is damaged", read.records.len() + 1), after: 0 });
+        read.is_torn = false;
+    }
     Ok(read)
+}
+
+/// Whether bytes can be a record that was not written to its end: a kill or a full disk leaves its start, a power failure
+/// may leave zeros in place of all that follows.
+fn is_begun_record(line: &[u8]) -> bool {
+    let zeros = line.iter().rev().take_while(|&&byte| byte == 0).count();
+    let line = &line[..line.len() - zeros];
+    let begin = br#"{"seq":"#;
+    let common = line.len().min(begin.len());
+    line[..common] == begin[..common] && !line.iter().any(u8::is_ascii_control)
 }
 
 impl Journal {
@@ -145,7 +163,8 @@ impl Journal {
     /// # Errors
     /// When the file cannot be read.
     pub fn lines_between(&self, after: u64, seq: u64) -> Result<Vec<u8>> {
-        let bytes = std::fs::read(&self.path).with_context(|| format!("{}: cannot be read", self.path.display()))?;
+        let bytes =
+            disk::read_regular(&self.path).with_context(|| format!("{}: cannot be read", self.path.display()))?;
         let lines = bytes.get(self.end_of(after) as usize..self.end_of(seq) as usize);
         let changed = || format!("{}: was changed by another program; open the project again", self.path.display());
         lines.map(<[u8]>::to_vec).with_context(changed)

@@ -1,7 +1,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 
 use super::damage::Damage;
 use super::history_file::{self, Past};
@@ -47,7 +47,7 @@ pub fn state(root: &Path, progress: &Progress) -> Result<State> {
     let path = root.join("journal.jsonl");
     let mut journal = read_records(&path)?;
     let base = base(root, manifest)?;
-    cut_at_gap(&mut journal, checkpoint, &path)?;
+    cut_at_gap(&mut journal, checkpoint);
     let (mut project, read, masks) = loop {
         let (project, read, masks) = with_masks(root, base.clone(), later(&journal, checkpoint), progress)?;
         match replayed(&project, later(&journal, checkpoint)) {
@@ -87,25 +87,17 @@ fn later(journal: &ReadRecords, checkpoint: u64) -> &[Record] {
     &journal.records[first..]
 }
 
-/// Leaves out what comes after a step that is missing.
-///
-/// # Errors
-/// When the very first step after those of `project.toml` is missing: one of the two files comes from another time.
-fn cut_at_gap(journal: &mut ReadRecords, checkpoint: u64, path: &Path) -> Result<()> {
+/// Leaves out what comes after a step that is missing. Where it is the first step after those of `project.toml`, one of the
+/// two files comes from another time.
+fn cut_at_gap(journal: &mut ReadRecords, checkpoint: u64) {
     let after = later(journal, checkpoint);
-    ensure!(
-        after.first().is_none_or(|record| record.seq == checkpoint + 1),
-        "{}: does not belong to this project.toml, which ends with step {checkpoint}; restore both from one backup, or move \
-         the journal away to go on without its steps",
-        path.display()
-    );
-    let gap = after.windows(2).position(|pair| pair[1].seq != pair[0].seq + 1);
+    let numbers = after.iter().map(|record| record.seq);
+    let gap = numbers.zip(checkpoint + 1..).position(|(found, expected)| found != expected);
     if let Some(place) = gap {
-        let first = journal.records.len() - after.len() + place + 1;
-        let why = format!("lacks step {}", after[place].seq + 1);
+        let first = journal.records.len() - after.len() + place;
+        let why = format!("lacks step {}", checkpoint + 1 + place as u64);
         journal.cut(first, why);
     }
-    Ok(())
 }
 
 fn with_masks(

@@ -6,12 +6,15 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{durable, places};
+use crate::engine::disk::read_text_up_to;
 use crate::frames::Frame;
 use crate::masks::{Label, LabelId, LabelTree, Prompt};
 use crate::session::{Marks, Project, ResultKind, ResultRecord};
 
 /// The version of the files in a project's folder that this program writes.
 pub const FORMAT: u32 = 1;
+/// A larger `project.toml` is refused: 100,000 frames with cameras take a fifth of it.
+const MAX_BYTES: u64 = 512 << 20;
 
 /// `project.toml`: all of a [`Project`] but its masks.
 #[derive(Debug, Serialize, Deserialize)]
@@ -66,7 +69,7 @@ pub fn check_format(root: &Path) -> Result<()> {
     let path = root.join("project.toml");
     ensure!(root.exists(), "{}: there is no such folder; check the path", root.display());
     ensure!(path.exists(), "{}: holds no project (project.toml is missing); make one with 'new'", root.display());
-    let text = crate::engine::disk::read_text(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let text = text_of(&path)?;
     match toml::from_str::<Format>(&text) {
         Ok(Format { format: FORMAT }) => Ok(()),
         Ok(Format { format }) if format > FORMAT => bail!(
@@ -83,12 +86,16 @@ pub fn check_format(root: &Path) -> Result<()> {
 /// When it cannot be read or is damaged.
 pub fn read(root: &Path) -> Result<Manifest> {
     let path = root.join("project.toml");
-    let text = crate::engine::disk::read_text(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let text = text_of(&path)?;
     let parsed = toml::from_str(&text).map_err(|error| error.message().replace('\n', " "));
     match parsed {
         Ok(manifest) => Ok(manifest),
         Err(error) => bail!("{}: is damaged ({error}); restore it from a backup", path.display()),
     }
+}
+
+fn text_of(path: &Path) -> Result<String> {
+    read_text_up_to(path, MAX_BYTES).with_context(|| format!("{}: cannot be read", path.display()))
 }
 
 /// Writes `project.toml` with the project's state after the record `step`.

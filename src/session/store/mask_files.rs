@@ -8,11 +8,15 @@ use serde::{Deserialize, Serialize};
 
 use super::damage::Damage;
 use super::durable;
+use crate::engine::disk;
 use crate::engine::job::Progress;
 use crate::frames::Frame;
 use crate::masks::{LabelId, RunMask};
-use crate::masks::{MaskFrame, encode_palette_png, file_stems, read_palette_png};
+use crate::masks::{MaskFrame, encode_palette_png, file_stems, read_palette_png_of};
 use crate::session::{FrameMask, MaskOrigin, Project};
+
+/// A larger list of origins is damaged: one of a million masks takes half of it.
+const MAX_ORIGINS_BYTES: u64 = 256 << 20;
 
 /// Where masks come from, below the project's folder.
 const ORIGINS: &str = "masks/origins.json";
@@ -181,7 +185,7 @@ enum Known {
 
 impl Origins {
     fn read(path: &Path) -> Self {
-        let text = match std::fs::read(path) {
+        let text = match disk::read_regular_up_to(path, MAX_ORIGINS_BYTES) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Self::Missing,
             Err(error) => return Self::Damaged(format!("cannot be read ({error})")),
@@ -252,13 +256,14 @@ fn read_one(path: &Path, (project, frame): (&Project, usize), origin: Origin) ->
     if !path.exists() {
         return ReadMask::Gone;
     }
-    let mask = match read_palette_png(path) {
+    let shown = &project.frames[frame];
+    let mask = match read_palette_png_of(path, (&shown.name, shown.width, shown.height)) {
         Ok(mask) => mask,
         Err(error) => return ReadMask::Damaged(format!("cannot be read ({})", without_path(&error, path))),
     };
     let Origin { origin, stale, confidence } = origin;
     let mask = FrameMask { runs: Arc::new(RunMask::encode(&mask)), origin, stale, confidence };
-    match project.check_mask(&project.frames[frame], &mask) {
+    match project.check_mask(shown, &mask) {
         Ok(()) => ReadMask::Whole(mask),
         Err(error) => ReadMask::Damaged(format!("does not fit the project ({error:#})")),
     }

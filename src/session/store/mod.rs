@@ -28,7 +28,7 @@ pub use checkpoint::{Checkpoint, HISTORY_BYTES, load_sparse, read_sparse};
 pub use depth_folder::{DepthAccount, DepthFolder, depth_map_path};
 pub(super) use durable::{replace, sync_folder};
 pub use folder::{Folder, Loaded, Written};
-pub use lock::LockError;
+pub use lock::{Lock, LockError};
 pub use outcomes::{load_links, load_outcomes, save_links, save_outcomes};
 pub(super) use places::joined;
 pub use record::{Act, Record};

@@ -1,13 +1,16 @@
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use serde::de::DeserializeOwned;
 
 use super::durable;
+use crate::engine::disk;
 use crate::scene::rgbd::FrameLink;
 use crate::scene::sfm::Outcome;
+
+/// A larger file is damaged: one of a million frames takes half of it.
+const MAX_BYTES: u64 = 512 << 20;
 
 const OUTCOMES: &str = "outcomes.json";
 const LINKS: &str = "links.json";
@@ -46,6 +49,7 @@ pub fn load_links(folder: &Path) -> Result<Vec<FrameLink>> {
 }
 
 fn load<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let bytes = fs::read(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let bytes =
+        disk::read_regular_up_to(path, MAX_BYTES).with_context(|| format!("{}: cannot be read", path.display()))?;
     serde_json::from_slice(&bytes).with_context(|| format!("{}: is damaged; reconstruct again", path.display()))
 }

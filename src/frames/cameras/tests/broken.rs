@@ -172,6 +172,68 @@ fn numbers_in_json_may_be_strings_or_what_python_writes() {
 }
 
 #[test]
+fn frames_of_transforms_without_a_usable_pose_or_lens_do_not_refuse_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let frame = |name: &str, value: &str, more: &str| {
+        format!(
+            r#"{{"file_path": "{name}"{more}, "transform_matrix": [[1, 0, 0, {value}], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}}"#
+        )
+    };
+    let lost = ["null", "-NaN", "nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "-inf", "1.#INF"];
+    let mut all: Vec<String> = lost.iter().enumerate().map(|(k, value)| frame(&k.to_string(), value, "")).collect();
+    all.push(frame("panorama", "0", r#", "camera_model": "EQUIRECTANGULAR""#));
+    all.push(frame("whole", "2.5", ""));
+    write(folder.path(), "transforms.json", format!(r#"{{"fl_x": 500, "frames": [{}]}}"#, all.join(", ")));
+    let cameras = GivenCameras::read(&folder.path().join("transforms.json")).unwrap().cameras;
+    let (whole, others) = cameras.split_last().unwrap();
+    assert_eq!(whole.camera_from_world.as_ref().unwrap().inverse().translation.x, 2.5);
+    for camera in others {
+        let reason = camera.camera_from_world.as_ref().unwrap_err();
+        assert!(reason.contains("finite") || reason.contains("EQUIRECTANGULAR"), "{reason}");
+    }
+}
+
+#[test]
+fn damaged_pose_files_and_those_of_macos_do_not_refuse_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let matrix = |x: &str| format!("1 0 0 {x}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
+    write(folder.path(), "._000000.txt", [0, 5, 22, 7, 0xff, 0xfe]);
+    write(folder.path(), "000000.txt", "");
+    write(folder.path(), "000001.txt", matrix("1"));
+    write(folder.path(), "000002.txt", &matrix("2")[..20]);
+    write(folder.path(), "000003.txt", matrix("-nan(ind)"));
+    write(folder.path(), "000004.txt", matrix("1.#QNAN0"));
+    let mut all = frames(&["000000.png", "000001.png", "000002.png", "000003.png", "000004.png"]);
+    attach_intrinsics(&mut all, &[500.0, 500.0, 320.0, 240.0].into()).unwrap();
+    let warnings = GivenCameras::read(folder.path()).unwrap().match_to(&mut all).unwrap();
+    let posed: Vec<bool> = all.iter().map(|frame| frame.posed_camera().is_some()).collect();
+    assert_eq!(posed, [false, true, false, false, false]);
+    assert!(warnings.len() == 1 && warnings[0].contains("4 of 5 frames"), "{warnings:?}");
+    assert!(warnings[0].contains("000000.txt: holds 0 numbers"), "{warnings:?}");
+}
+
+#[test]
+fn sparse_binary_files_are_refused_without_reading_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let [cameras, images, points] = binary_model();
+    let huge = |name: &str, start: &[u8]| {
+        write(folder.path(), name, start);
+        std::fs::File::options().write(true).open(folder.path().join(name)).unwrap().set_len(200 << 30).unwrap();
+    };
+    write(folder.path(), "cameras.bin", &cameras);
+    for start in [&[][..], &4_u64.to_le_bytes(), &u64::MAX.to_le_bytes()] {
+        huge("images.bin", start);
+        assert!(error_of(folder.path()).contains("images.bin"));
+    }
+    write(folder.path(), "images.bin", &images);
+    huge("points3D.bin", &[]);
+    assert!(read_sparse_points(folder.path()).unwrap_err().to_string().contains("points3D.bin"));
+    write(folder.path(), "points3D.bin", &points);
+    huge("cameras.bin", &[]);
+    assert!(error_of(folder.path()).contains("cameras.bin"));
+}
+
+#[test]
 fn a_lost_frame_keeps_the_numbers_of_the_others() {
     let folder = tempfile::tempdir().unwrap();
     let matrix = |x: &str| format!("1 0 0 {x}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");

@@ -112,7 +112,7 @@ fn yolo_as_other_tools_write_it() {
 }
 
 #[test]
-fn broken_yolo_is_told_by_its_line() {
+fn broken_yolo_lines_are_left_out_and_named() {
     for text in [
         "x 0 0 0.5 0 0.5 1",
         "-1 0 0 0.5 0 0.5 1",
@@ -120,8 +120,11 @@ fn broken_yolo_is_told_by_its_line() {
         "1 0 0 a 0 0.5 1",
         "18446744073709551615 0 0 0.5 0 0.5 1",
     ] {
-        let error = yolo(&format!("0 0 0 1 0 1 1\n{text}"), None, &tree()).unwrap_err().to_string();
-        assert!(error.contains("a.txt") && error.contains("line 2"), "{text}: {error}");
+        let read = yolo(&format!("0 0 0 1 0 1 1\n{text}"), None, &tree()).unwrap();
+        assert!(!pixels(&read.masks[&0], 1).is_empty());
+        assert!(read.warnings.iter().any(|warning| warning.contains("'train/a', line 2")), "{:?}", read.warnings);
+        let error = yolo(text, None, &tree()).unwrap_err().to_string();
+        assert!(error.contains("no outline can be used") && error.contains("line 1"), "{text}: {error}");
     }
     assert!(yolo("70000 0 0 1 0 1 1", None, &tree()).unwrap_err().to_string().contains("70000"));
 }
@@ -147,6 +150,37 @@ fn one_bad_outline_costs_no_other() {
     assert!(yolo("0 0 0 1 0 1 1", None, &tree()).unwrap().warnings[0].contains("no class names were found"));
     let above = yolo("7 0 0 1 0 1 1", Some("names: [rice, pot]"), &tree()).unwrap();
     assert!(above.warnings[0].contains("1 classes have no name"), "{:?}", above.warnings);
+}
+
+#[test]
+fn one_unreadable_yolo_file_costs_no_other() {
+    let dir = tempfile::tempdir().unwrap();
+    write(dir.path(), "a.txt", "0 0 0 1 0 1 1");
+    std::fs::write(dir.path().join("b.txt"), b"0 \xff").unwrap();
+    let read = |names: &[&str]| import(dir.path(), MaskFormat::Yolo, names, &LabelTree::default());
+    let both = read(&["a.jpg", "b.jpg"]).unwrap();
+    assert_eq!(both.masks.len(), 1);
+    assert!(both.warnings.iter().any(|warning| warning.contains("b.txt")), "{:?}", both.warnings);
+    assert!(read(&["b.jpg"]).unwrap_err().to_string().contains("b.txt"));
+}
+
+#[test]
+fn one_coco_image_of_another_size_costs_no_other() {
+    let categories = r#"[{"id": 0, "name": "leaf"}]"#;
+    let annotations = r#"[{"image_id": 1, "category_id": 0, "segmentation": [[0, 0, 2, 0, 2, 2, 0, 2]]},
+                          {"image_id": 2, "category_id": 0, "segmentation": [[4, 0, 6, 0, 6, 2, 4, 2]]}]"#;
+    let images = |other: &str| {
+        format!(
+            r#"[{{"id": 1, "file_name": "a.jpg", "width": 9, "height": 13}}, {{"id": 2, "file_name": "b.jpg"{other}}}]"#
+        )
+    };
+    let read = coco_file(&images(""), categories, annotations, &LabelTree::default()).unwrap();
+    assert_eq!(read.masks.keys().copied().collect::<Vec<_>>(), [1]);
+    let what = "1 images have another size than their frame and were left out (the image 'a.jpg' is 9×13 pixels";
+    assert!(read.warnings.iter().any(|warning| warning.starts_with(what)), "{:?}", read.warnings);
+    let none = coco_file(&images(r#", "width": 1, "height": 1"#), categories, annotations, &LabelTree::default());
+    let error = none.unwrap_err().to_string();
+    assert!(error.contains("'a.jpg' is 9×13 pixels"), "{error}");
 }
 
 #[test]
@@ -307,6 +341,63 @@ fn binary_folders_by_name_then_by_number() {
     white(".", 0, 255);
     let error = import(dir.path(), MaskFormat::Binary, &["a.jpg"], &tree()).unwrap_err().to_string();
     assert!(error.contains("LABEL/FRAME.png"), "{error}");
+}
+
+/// Writes a grey image whose first values are given.
+fn write_grey(path: &Path, values: &[u8]) {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), WIDTH, HEIGHT);
+    encoder.set_color(png::ColorType::Grayscale);
+    let mut bytes = values.to_vec();
+    bytes.resize((WIDTH * HEIGHT) as usize, 0);
+    encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
+}
+
+#[test]
+fn binary_values_are_compared_with_the_highest_of_the_label() {
+    let dir = tempfile::tempdir().unwrap();
+    write_grey(&dir.path().join("rice/a.png"), &[0, 127, 128, 129, 255]);
+    write_grey(&dir.path().join("rice/b.png"), &[1, 0, 1, 1]);
+    write_grey(&dir.path().join("pot/a.png"), &[1]);
+    let read = import(dir.path(), MaskFormat::Binary, &["a.jpg", "b.jpg"], &tree()).unwrap();
+    assert_eq!(read.masks[&0], mask([9, 0, 0, 1, 1]), "the grey of a trimap is outside, a highest value of 1 inside");
+    assert_eq!(read.masks[&1], mask([]), "noise is no object");
+    assert!(read.warnings[0].contains("became empty ('rice/b')"), "{:?}", read.warnings);
+}
+
+#[test]
+fn one_bad_binary_file_costs_no_other() {
+    let dir = tempfile::tempdir().unwrap();
+    write_grey(&dir.path().join("rice/a.png"), &[255]);
+    write_grey(&dir.path().join("rice/b.png"), &[255]);
+    std::fs::write(dir.path().join("rice/b.png"), &std::fs::read(dir.path().join("rice/b.png")).unwrap()[..40])
+        .unwrap();
+    let read = import(dir.path(), MaskFormat::Binary, &["a.jpg", "b.jpg"], &tree()).unwrap();
+    assert_eq!(read.masks.keys().copied().collect::<Vec<_>>(), [0]);
+    assert!(read.warnings[0].starts_with("1 files cannot be used and were left out"), "{:?}", read.warnings);
+    assert!(read.warnings[0].contains("b.png"), "{:?}", read.warnings);
+    assert!(import(dir.path(), MaskFormat::Binary, &["b.jpg"], &tree()).is_err());
+}
+
+#[test]
+fn folders_of_systems_are_no_labels() {
+    let dir = tempfile::tempdir().unwrap();
+    for folder in ["rice", "@eaDir", "#recycle", "lost+found", "rice/@eaDir"] {
+        write_grey(&dir.path().join(folder).join("a.png"), &[255]);
+    }
+    let read = import(dir.path(), MaskFormat::Binary, &["a.jpg"], &tree()).unwrap();
+    assert!(read.new_labels.is_empty() && read.warnings.is_empty(), "{read:?}");
+
+    let label = Label { id: LabelId(1), name: "Recycler".into(), color: [1; 3], parent: None };
+    let recycler: LabelTree = vec![label].try_into().unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let (format, frames, one) = (MaskFormat::Binary, frames(&["a.jpg"]), mask([1]));
+    export_masks(dir.path(), format, &frames, [(0, &one)], &recycler, &Progress::default()).unwrap();
+    assert_eq!(
+        import(dir.path(), format, &["a.jpg"], &recycler).unwrap().masks[&0],
+        one,
+        "a label may have such a name"
+    );
 }
 
 #[test]

@@ -70,26 +70,26 @@ fn colours_need_a_list_of_labels() {
 
 #[test]
 fn white_means_label_one_unless_it_is_known_as_255() {
-    let one = |ids: &[u16]| {
+    let one = |ids: &[u16; 2]| {
         let dir = tempfile::tempdir().unwrap();
         let names = ["a.png", "b.png"];
         let blank = LabelTree::default();
-        let masks = ids.iter().map(|&id| mask([0, id])).enumerate();
+        let masks = [mask([ids[0], ids[1]]), mask([ids[1]])].into_iter().enumerate();
         export_masks(dir.path(), MaskFormat::Davis, &frames(&names), masks, &blank, &Progress::default()).unwrap();
         std::fs::remove_file(dir.path().join("labels.json")).unwrap();
         (import(dir.path(), MaskFormat::Davis, &names, &blank).unwrap(), dir)
     };
     let labels = |imported: &Imported| imported.new_labels.iter().map(|label| label.id.0).collect::<Vec<_>>();
     let (white, dir) = one(&[255, 0]);
-    assert_eq!(white.masks[&0], mask([0, 1]));
+    assert_eq!(white.masks[&0], mask([1]));
     assert_eq!(labels(&white), [1]);
     let (mixed, _dir) = one(&[255, 3]);
-    assert_eq!(mixed.masks[&0], mask([]), "void next to smaller ids");
+    assert_eq!(mixed.masks[&0], mask([0, 3]), "void next to smaller ids");
     assert_eq!(labels(&mixed), [3]);
     assert!(mixed.warnings[0].starts_with("1 pixels of 1 masks have the value 255"), "{:?}", mixed.warnings);
     std::fs::write(dir.path().join("labels.json"), r#"[{"id":255,"name":"last"}]"#).unwrap();
     let listed = import(dir.path(), MaskFormat::Davis, &["a.png"], &LabelTree::default()).unwrap();
-    assert_eq!(labels(&listed), [255]);
+    assert_eq!(labels(&listed), [255, 3]);
 }
 
 #[test]
@@ -103,6 +103,215 @@ fn listed_names_find_the_projects_labels() {
     assert_eq!(read.masks[&0], mask([2, new["stem 1"], 4, 50]));
     assert!(new["stem 1"] > 50, "a fresh id is none of the file's: {new:?}");
     assert_eq!(new["50"], 50);
+}
+
+/// Writes grey masks; returns what an import of them gives.
+fn read_greys(files: &[&dyn Fn(u32, u32) -> u8], labels_json: Option<&str>) -> Result<Imported, MaskError> {
+    let dir = tempfile::tempdir().unwrap();
+    let names: Vec<String> = (0..files.len()).map(|at| format!("{at}.png")).collect();
+    for (name, value) in names.iter().zip(files) {
+        let image = image::GrayImage::from_fn(40, 36, |x, y| image::Luma([value(x, y)]));
+        image.save(dir.path().join(name)).unwrap();
+    }
+    if let Some(text) = labels_json {
+        std::fs::write(dir.path().join("labels.json"), text).unwrap();
+    }
+    let frames: Vec<MaskFrame<'_>> = names.iter().map(|name| MaskFrame { name, width: 40, height: 36 }).collect();
+    import_masks(dir.path(), MaskFormat::Davis, &frames, &LabelTree::default(), &Progress::default())
+}
+
+/// A disc with soft edges.
+fn soft_disc(x: u32, y: u32, highest: f64) -> u8 {
+    let r = (f64::from(x) - 20.3).hypot(f64::from(y) - 17.6);
+    (((10.0 - r) / 3.0 + 0.5).clamp(0.0, 1.0) * highest) as u8
+}
+
+#[test]
+fn soft_masks_may_have_another_peak_in_each_file() {
+    let read = read_greys(&[&|x, y| soft_disc(x, y, 255.0), &|x, y| soft_disc(x, y, 240.0)], None).unwrap();
+    assert!(read.warnings[0].contains("soft edges"), "{:?}", read.warnings);
+    assert_eq!(read.new_labels.len(), 1);
+    let areas = [0, 1].map(|frame| read.masks[&frame].extents()[&LabelId(1)].area);
+    assert!(areas[0].abs_diff(areas[1]) < 30, "{areas:?}");
+}
+
+#[test]
+fn white_on_most_pixels_is_asked_about() {
+    let disc = |x: u32, y: u32| (f64::from(x) - 20.3).hypot(f64::from(y) - 17.6);
+    let read = |rim: f64, inside: u8, outside: u8| {
+        read_greys(
+            &[&|x, y| {
+                if disc(x, y) < rim {
+                    inside
+                } else if disc(x, y) < 11.0 {
+                    outside
+                } else {
+                    0
+                }
+            }],
+            None,
+        )
+    };
+    let error = read(10.0, 255, 254).unwrap_err().to_string();
+    assert!(error.contains("255 on more pixels") && error.contains("--format binary"), "{error}");
+    assert!(read(10.0, 254, 255).unwrap().warnings[0].contains("means void"));
+}
+
+#[test]
+fn many_labels_named_after_numbers_are_reported() {
+    let read = |columns: u32| read_greys(&[&|x, _| (x / (40 / columns)) as u8], None).unwrap();
+    assert!(read(20).warnings.is_empty());
+    let many = read(40);
+    assert_eq!(many.new_labels.len(), 39);
+    assert!(many.warnings[0].starts_with("39 labels were named after numbers (1, 2"), "{:?}", many.warnings);
+}
+
+#[test]
+fn values_that_a_list_lacks_are_refused_as_soft_edges_or_reported() {
+    let list = Some(r#"[{"id":200,"name":"leaf"}]"#);
+    let error = read_greys(&[&|x, y| soft_disc(x, y, 200.0)], list).unwrap_err().to_string();
+    assert!(error.contains("soft edges") && error.contains("labels.json does not list"), "{error}");
+    let read = read_greys(&[&|x, _| [0, 200, 7, 9, 11][x as usize / 8]], list).unwrap();
+    assert!(
+        read.warnings[0].starts_with("3 ids of the masks are not in labels.json (7, 9, 11)"),
+        "{:?}",
+        read.warnings
+    );
+    assert!(read_greys(&[&|x, _| [0, 200][x as usize / 20]], list).unwrap().warnings.is_empty());
+}
+
+#[test]
+fn one_bad_mask_costs_no_other() {
+    let dir = tempfile::tempdir().unwrap();
+    let whole = encode_palette_png(&mask([1, 2, 3, 3]), &tree()).unwrap();
+    std::fs::write(dir.path().join("a.png"), &whole).unwrap();
+    std::fs::write(dir.path().join("b.png"), &whole[..whole.len() / 2]).unwrap();
+    std::fs::write(dir.path().join("c.png"), encode_palette_png(&RunMask::empty(3, 3), &tree()).unwrap()).unwrap();
+    let read = import(dir.path(), MaskFormat::Davis, &["a.jpg", "b.jpg", "c.jpg"], &tree()).unwrap();
+    assert_eq!(read.masks.keys().copied().collect::<Vec<_>>(), [0]);
+    let warning = &read.warnings[0];
+    assert!(warning.starts_with("2 files cannot be used") && warning.contains("b.png"), "{warning}");
+    let error = import(dir.path(), MaskFormat::Davis, &["b.jpg", "c.jpg"], &tree()).unwrap_err().to_string();
+    assert!(error.contains("b.png"), "{error}");
+}
+
+/// Writes a PNG of two rows and five columns with a palette and its transparency.
+fn write_places(path: &Path, palette: &[[u8; 3]], alpha: Option<&[u8]>, places: [u8; 10]) {
+    let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), 5, 2);
+    encoder.set_color(ColorType::Indexed);
+    encoder.set_palette(palette.concat());
+    if let Some(alpha) = alpha {
+        encoder.set_trns(alpha.to_vec());
+    }
+    encoder.write_header().unwrap().write_image_data(&places).unwrap();
+}
+
+fn read_small(dir: &Path, names: &[&str]) -> Imported {
+    let frames: Vec<MaskFrame<'_>> = names.iter().map(|name| MaskFrame { name, width: 5, height: 2 }).collect();
+    import_masks(dir, MaskFormat::Davis, &frames, &LabelTree::default(), &Progress::default()).unwrap()
+}
+
+fn ids_of(read: &Imported, frame: usize) -> Vec<u16> {
+    read.masks[&frame].decode().ids.iter().map(|id| id.0).collect()
+}
+
+#[test]
+fn transparency_of_palettes_and_colours_counts() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.png");
+    let places = [0, 1, 2, 3, 4, 5, 0, 5, 5, 0];
+    let (soft, half) = ([0, 50, 100, 150, 200, 255], [0, 0, 0, 1, 1, 1, 0, 1, 1, 0]);
+    for color in [255, 0] {
+        write_places(&path, &[[color; 3]; 6], Some(&soft), places);
+        let read = read_small(dir.path(), &["a.jpg"]);
+        assert_eq!(ids_of(&read, 0), half, "soft cut-out in colour {color}");
+        assert!(read.warnings[0].contains("cut-outs"), "{:?}", read.warnings);
+    }
+    let colors = [[0; 3], [200, 0, 0], [0, 200, 0], [0, 0, 200], [9, 9, 0], [7; 3]];
+    write_places(&path, &colors, Some(&[0]), places);
+    let read = read_small(dir.path(), &["a.jpg"]);
+    assert_eq!((ids_of(&read, 0), read.warnings.len()), (places.map(u16::from).to_vec(), 0), "places are ids");
+
+    let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 5, 2);
+    encoder.set_color(ColorType::Grayscale);
+    encoder.set_trns(vec![0, 9]);
+    encoder.write_header().unwrap().write_image_data(&[9, 9, 1, 2, 9, 0, 1, 2, 0, 9]).unwrap();
+    let read = read_small(dir.path(), &["a.jpg"]);
+    assert_eq!(ids_of(&read, 0), [0, 0, 1, 2, 0, 0, 1, 2, 0, 0]);
+    assert!(read.warnings[0].contains("transparent pixels"), "{:?}", read.warnings);
+}
+
+#[test]
+fn black_cut_outs_are_objects_unless_other_masks_have_labels() {
+    let dir = tempfile::tempdir().unwrap();
+    let alpha = [0, 0, 255, 255, 100, 0, 0, 255, 255, 0];
+    let black: Vec<u8> = alpha.iter().flat_map(|&alpha| [0, 0, 0, alpha]).collect();
+    write_png(&dir.path().join("a.png"), ColorType::Rgba, BitDepth::Eight, &black);
+    write_png(&dir.path().join("b.png"), ColorType::Rgba, BitDepth::Eight, &[0; 40]);
+    let read = read_small(dir.path(), &["a.jpg", "b.jpg"]);
+    assert_eq!(ids_of(&read, 0), [0, 0, 1, 1, 0, 0, 0, 1, 1, 0]);
+    assert_eq!(ids_of(&read, 1), [0; 10], "the object is not in this frame");
+    assert!(read.warnings[0].contains("1 masks are cut-outs"), "{:?}", read.warnings);
+    write_png(&dir.path().join("b.png"), ColorType::Grayscale, BitDepth::Eight, &[3; 10]);
+    let read = read_small(dir.path(), &["a.jpg", "b.jpg"]);
+    assert_eq!((ids_of(&read, 0), ids_of(&read, 1)), (vec![0; 10], vec![3; 10]), "black is the background here");
+}
+
+#[test]
+fn frames_of_cut_outs_may_be_all_or_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let white = |alpha: &dyn Fn(usize) -> u8| -> Vec<u8> { (0..10).flat_map(|at| [255, alpha(at)]).collect() };
+    for (name, bytes) in [("a", white(&|at| at as u8 / 5 * 255)), ("b", white(&|_| 0)), ("c", white(&|_| 255))] {
+        let path = dir.path().join(format!("{name}.png"));
+        write_png(&path, ColorType::GrayscaleAlpha, BitDepth::Eight, &bytes);
+    }
+    let read = read_small(dir.path(), &["a.jpg", "b.jpg", "c.jpg"]);
+    assert_eq!(ids_of(&read, 0), [0, 0, 0, 0, 0, 1, 1, 1, 1, 1]);
+    assert_eq!((ids_of(&read, 1), ids_of(&read, 2)), (vec![0; 10], vec![1; 10]));
+}
+
+#[test]
+fn the_whole_palette_decides_about_greys() {
+    let dir = tempfile::tempdir().unwrap();
+    let [black, white] = [[0; 3], [255; 3]];
+    write_places(&dir.path().join("a.png"), &[white, black], None, [1, 1, 0, 0, 1, 1, 1, 0, 0, 1]);
+    write_places(&dir.path().join("b.png"), &[white, black], None, [1; 10]);
+    write_places(&dir.path().join("c.png"), &[black, white], None, [0, 0, 1, 1, 0, 0, 0, 1, 1, 0]);
+    let read = read_small(dir.path(), &["a.jpg", "b.jpg", "c.jpg"]);
+    assert_eq!((ids_of(&read, 0), ids_of(&read, 1)), (vec![0, 0, 1, 1, 0, 0, 0, 1, 1, 0], vec![0; 10]));
+    assert_eq!(read.masks[&0], read.masks[&2]);
+    assert!(read.warnings.is_empty(), "{:?}", read.warnings);
+    write_places(&dir.path().join("a.png"), &[black, [90; 3], white], None, [1, 1, 0, 0, 1, 1, 1, 0, 0, 2]);
+    let read = read_small(dir.path(), &["a.jpg"]);
+    assert_eq!(ids_of(&read, 0), [1, 1, 0, 0, 1, 1, 1, 0, 0, 2]);
+    assert!(read.warnings[0].contains("palette of greys"), "{:?}", read.warnings);
+}
+
+#[test]
+fn project_masks_with_labels_of_any_colour_are_read_as_written() {
+    let label = |id: u16, color: u8| Label { id: LabelId(id), name: id.to_string(), color: [color; 3], parent: None };
+    let tree: LabelTree = vec![label(1, 255), label(2, 0)].try_into().unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.png");
+    std::fs::write(&path, encode_palette_png(&mask([1, 2, 2]), &tree).unwrap()).unwrap();
+    assert_eq!(RunMask::encode(&read_palette_png(&path).unwrap()), mask([1, 2, 2]));
+}
+
+#[test]
+fn colours_of_16_bits_may_be_ids() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.png");
+    let write = |ids: [u16; 10]| {
+        let bytes: Vec<u8> = ids.iter().flat_map(|id| [id.to_be_bytes(); 3]).flatten().collect();
+        write_png(&path, ColorType::Rgb, BitDepth::Sixteen, &bytes);
+    };
+    let ids = [0, 0, 1, 2, 0, 0, 1, 2, 200, 300];
+    write(ids);
+    assert_eq!(ids_of(&read_small(dir.path(), &["a.jpg"]), 0), ids);
+    write_labels_json(dir.path(), &tree()).unwrap();
+    assert_eq!(read_palette_png(&path).unwrap().ids, ids.map(LabelId));
+    let read = read_small(dir.path(), &["a.jpg"]);
+    assert!(read.new_labels.iter().any(|label| label.name == "rice"), "ids, and not black: {read:?}");
 }
 
 /// Reads one 5 × 2 PNG of these bytes as the mask of a frame.

@@ -118,6 +118,10 @@ impl FeatureCache {
         found
     }
 
+    pub(super) fn has_pair(&self, key: &Key) -> bool {
+        lock(&self.pairs).known.contains_key(key)
+    }
+
     pub(super) fn keep_pair(&self, key: Key, matches: &Matches) {
         let mut pairs = lock(&self.pairs);
         pairs.known.insert(key, matches.clone());

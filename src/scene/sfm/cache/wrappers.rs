@@ -1,5 +1,3 @@
-use std::sync::OnceLock;
-
 use sha2::{Digest, Sha256};
 
 use super::FeatureCache;
@@ -14,7 +12,7 @@ const VERSION: u32 = 1;
 pub struct CachedExtractor<'a> {
     /// Finds features that are not there.
     pub extractor: &'a dyn FeatureExtractor,
-    /// Tells the extractor with its options and networks apart from all others.
+    /// Distinguishes the extractor, with its options and networks, from all others.
     pub identity: &'a str,
     /// What is kept.
     pub cache: &'a FeatureCache,
@@ -51,7 +49,7 @@ impl FeatureExtractor for CachedExtractor<'_> {
 pub struct CachedMatcher<'a> {
     /// Finds matches that are not there.
     pub matcher: &'a dyn FeatureMatcher,
-    /// Tells the matcher with its options and networks apart from all others.
+    /// Distinguishes the matcher, with its options and networks, from all others.
     pub identity: &'a str,
     /// What is kept.
     pub cache: &'a FeatureCache,
@@ -71,27 +69,69 @@ impl FeatureMatcher for CachedMatcher<'_> {
     }
 
     fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
+        Ok(self.cached(self.keys(pictures), pictures, Some(self.matcher.of_set(pictures)?)))
+    }
+
+    fn of_pairs<'a>(
+        &'a self,
+        pictures: &'a [&'a Features],
+        pairs: &[(usize, usize)],
+    ) -> Result<PairMatches<'a>, FeatureError> {
+        let keys = self.keys(pictures);
+        let is_known = |&(first, second): &(usize, usize)| self.cache.has_pair(&keys.of(first, second));
+        // What the pictures of a set have in common is only worked out where a pair is not known; not within the closure,
+        // which runs in parallel: work that waits for other work there can come to wait for itself.
+        let needs_matcher = !pairs.iter().all(is_known);
+        let matcher = needs_matcher.then(|| self.matcher.of_pairs(pictures, pairs)).transpose()?;
+        Ok(self.cached(keys, pictures, matcher))
+    }
+}
+
+impl CachedMatcher<'_> {
+    fn keys(&self, pictures: &[&Features]) -> PairKeys {
         let digests: Vec<Key> = pictures.iter().map(|one| Sha256::digest(encode_features(one)).into()).collect();
         let mut set = begun(&[self.identity, self.matcher.name()]);
         if self.matcher.depends_on_set() {
             digests.iter().for_each(|digest| set.update(digest));
         }
-        // What the pictures of a set have in common is only worked out where a pair is not known.
-        let inner = OnceLock::new();
-        Ok(Box::new(move |first, second| {
-            let mut digest = set.clone();
-            digest.update(digests[first]);
-            digest.update(digests[second]);
-            let key: Key = digest.finalize().into();
+        PairKeys { set, digests }
+    }
+
+    fn cached<'a>(
+        &'a self,
+        keys: PairKeys,
+        pictures: &'a [&'a Features],
+        matcher: Option<PairMatches<'a>>,
+    ) -> PairMatches<'a> {
+        Box::new(move |first, second| {
+            let key = keys.of(first, second);
             let counts = [pictures[first], pictures[second]].map(|one| one.keypoints.len());
             if let Some(known) = self.cache.pair(&key).filter(|known| fits(known, counts)) {
                 return Ok(known);
             }
-            let matcher: &Result<PairMatches<'a>, FeatureError> = inner.get_or_init(|| self.matcher.of_set(pictures));
-            let made = matcher.as_ref().map_err(Clone::clone)?(first, second)?;
+            let made = match &matcher {
+                Some(matcher) => matcher(first, second)?,
+                // The kept matches do not fit the keypoints: a file was changed.
+                None => self.matcher.matches(pictures[first], pictures[second])?,
+            };
             self.cache.keep_pair(key, &made);
             Ok(made)
-        }))
+        })
+    }
+}
+
+/// The keys of the pairs of a set of pictures.
+struct PairKeys {
+    set: Sha256,
+    digests: Vec<Key>,
+}
+
+impl PairKeys {
+    fn of(&self, first: usize, second: usize) -> Key {
+        let mut digest = self.set.clone();
+        digest.update(self.digests[first]);
+        digest.update(self.digests[second]);
+        digest.finalize().into()
     }
 }
 

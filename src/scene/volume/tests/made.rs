@@ -75,7 +75,7 @@ fn thin_organs_outlive_a_sensors_noise() {
     let options = VolumeOptions { voxel, only_labelled: true, ..VolumeOptions::default() };
     let mesh = reconstruct_surface(&sensed, &options, &progress).unwrap().mesh;
     let onto = OntoOptions::default();
-    let voted = vote_seen(&mesh.vertices, &SeenPoints::new(), &sensed, scene.tree(), &onto, &progress).unwrap();
+    let voted = vote_seen(mesh.vertices.clone(), &SeenPoints::new(), &sensed, scene.tree(), &onto, &progress).unwrap();
     assert_labels_were_given(&voted.cloud, &voted.votes);
     let truth = scene.cloud(&TruthOptions { surroundings_m: None, ..TruthOptions::default() }, &progress).unwrap();
     let within =
