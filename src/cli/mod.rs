@@ -17,6 +17,7 @@ mod info;
 mod instances;
 mod mask_args;
 mod masks;
+mod memory;
 mod models;
 mod print;
 mod project;

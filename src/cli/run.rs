@@ -7,12 +7,13 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use super::args::{Cli, Verb};
 use super::drive::Driver;
 use super::print::{finish, one_line, say, say_aside};
-use super::{demo, doubt, eval, export, info, instances, masks, models, project, range, shot, sources, stop};
+use super::{demo, doubt, eval, export, info, instances, masks, memory, models, project, range, shot, sources, stop};
 use crate::session::{Command, Provider, Recipe};
 
 /// The program: reads the words, does the job, gives the exit code (0 done, 1 failed, 2 usage, 130 stopped).
 #[must_use]
 pub fn main() -> ExitCode {
+    memory::return_what_is_freed();
     let matches = Cli::command().get_matches();
     let outcome = match Cli::from_arg_matches(&matches) {
         Ok(cli) => run(cli, &matches),

@@ -246,3 +246,65 @@ fn every_shader_is_valid() {
         validator.validate(&module).unwrap_or_else(|error| panic!("{path}: {error:?}"));
     }
 }
+
+/// Whether a licence expression of Cargo is met by allowed licences: `OR` (also written `/`) of `AND`s, with parentheses.
+fn is_allowed(expression: &str, allowed: &BTreeSet<&str>) -> bool {
+    let text = expression.replace('/', " OR ").replace('(', " ( ").replace(')', " ) ").replace(" WITH ", "+WITH+");
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let (met, rest) = any_of(&words, allowed);
+    assert!(rest.is_empty(), "{expression} is not understood");
+    met
+}
+
+fn any_of<'w, 'a>(words: &'a [&'w str], allowed: &BTreeSet<&str>) -> (bool, &'a [&'w str]) {
+    let (mut met, mut rest) = all_of(words, allowed);
+    while let ["OR", more @ ..] = rest {
+        let (other, after) = all_of(more, allowed);
+        (met, rest) = (met | other, after);
+    }
+    (met, rest)
+}
+
+fn all_of<'w, 'a>(words: &'a [&'w str], allowed: &BTreeSet<&str>) -> (bool, &'a [&'w str]) {
+    let one = |words: &'a [&'w str]| match words {
+        ["(", inner @ ..] => {
+            let (met, rest) = any_of(inner, allowed);
+            (met, &rest[1..])
+        }
+        [name, rest @ ..] => (allowed.contains(name.replace("+WITH+", " WITH ").as_str()), rest),
+        [] => (false, words),
+    };
+    let (mut met, mut rest) = one(words);
+    while let ["AND", more @ ..] = rest {
+        let (other, after) = one(more);
+        (met, rest) = (met & other, after);
+    }
+    (met, rest)
+}
+
+/// `cargo deny` also looks for advisories, for which it needs the network; licences and sources are known here.
+#[test]
+fn dependencies_have_allowed_licences_and_come_from_the_registry() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let rules: toml::Table = std::fs::read_to_string(root.join(".deny.toml")).unwrap().parse().unwrap();
+    let allowed: BTreeSet<&str> =
+        rules["licenses"]["allow"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
+    assert!(is_allowed("(MIT OR GPL-2.0-only) AND Unicode-3.0", &allowed) && is_allowed("GPL-2.0-only/MIT", &allowed));
+    assert!(!is_allowed("MIT AND GPL-2.0-only", &allowed) && !is_allowed("(GPL-2.0-only)", &allowed));
+    let target = if cfg!(windows) { "x86_64-pc-windows-msvc" } else { "x86_64-unknown-linux-gnu" };
+    let output = std::process::Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--locked", "--offline", "--filter-platform", target])
+        .current_dir(root)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let packages = metadata["packages"].as_array().unwrap();
+    assert!(packages.len() > 100);
+    for package in packages.iter().filter(|package| package["name"] != "ostra") {
+        let (name, license) = (&package["name"], package["license"].as_str().unwrap_or("none"));
+        assert!(is_allowed(license, &allowed), "{name}: its licence {license} is not in .deny.toml");
+        let source = package["source"].as_str().unwrap_or("a path");
+        assert!(source.starts_with("registry+https://github.com/rust-lang/crates.io-index"), "{name} is from {source}");
+    }
+}

@@ -93,11 +93,12 @@ impl<'a> From<&'a Frame> for MaskFrame<'a> {
 }
 
 /// Reads masks from a folder (for COCO also the file itself). Files are matched to frames by name without ending: full
-/// path, then file name alone.
+/// path, then file name alone. Files (or entries) that are damaged or of another size than their frame are left out and
+/// named in the warnings.
 ///
 /// # Errors
-/// [`MaskError::Io`], [`MaskError::Invalid`] for a damaged file, a mask of another size than its frame, a folder of
-/// which nothing fits a frame; [`MaskError::Stopped`].
+/// [`MaskError::Io`], [`MaskError::Invalid`] when no file can be used, nothing fits a frame, or the values of the masks
+/// are no label ids; [`MaskError::Stopped`].
 pub fn import_masks(
     dir: &Path,
     format: MaskFormat,

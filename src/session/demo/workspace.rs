@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 
 use crate::engine::disk;
-use crate::session::export_targets::{ExportRecord, Known, files_below};
+use crate::session::export_record::{ExportRecord, Known, files_below};
 use crate::session::store::Lock;
 
 /// Marks a folder that a demo made.

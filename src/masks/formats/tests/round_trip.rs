@@ -97,16 +97,20 @@ fn frames_that_share_a_name_but_for_the_ending_keep_their_masks() {
 }
 
 #[test]
-fn a_mask_of_another_size_is_one_error_that_names_both() {
+fn a_mask_of_another_size_is_left_out_with_both_sizes_named() {
     let masks = [(0, mask([1])), (1, mask([2]))];
     for format in MaskFormat::ALL.into_iter().filter(|format| *format != MaskFormat::Yolo) {
         let dir = tempfile::tempdir().unwrap();
         export(dir.path(), format, &["a.png", "b.png"], &masks).unwrap();
         let mut frames = frames(&["a.png", "b.png"]);
         frames[1].width = 14;
-        let error = import_masks(dir.path(), format, &frames, &tree(), &Progress::default()).unwrap_err().to_string();
+        let import = |frames: &[MaskFrame<'_>]| import_masks(dir.path(), format, frames, &tree(), &Progress::default());
+        let read = import(&frames).unwrap();
+        assert_eq!(read.masks.keys().copied().collect::<Vec<_>>(), [0], "{format:?}");
+        let error = import(&frames[1..]).unwrap_err().to_string();
         for part in ["13×9", "14×9", "'b.png'"] {
             assert!(error.contains(part), "{format:?}: {error}");
+            assert!(read.warnings.iter().any(|warning| warning.contains(part)), "{format:?}: {:?}", read.warnings);
         }
         let error = export_masks(dir.path(), format, &frames, masks.clone(), &tree(), &Progress::default());
         assert!(error.is_err(), "{format:?}");
