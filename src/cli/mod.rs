@@ -4,8 +4,6 @@
 //! window.
 //! Must not touch: anything that the window cannot do.
 
-#![expect(clippy::print_stderr, reason = "this room speaks to the user")]
-
 mod args;
 mod demo;
 mod doubt;

@@ -34,7 +34,7 @@ pub(super) type CheckSize<'a> = &'a dyn Fn((u32, u32)) -> Result<(), FrameError>
 pub(super) fn decode_picture(path: &Path, orientation: Orientation, check: CheckSize<'_>) -> Result<Image, FrameError> {
     let source = Source::open(path, orientation, check)?;
     if source.header.content.is_float_color() {
-        let (size, pixels) = source.read_float_colors()?;
+        let Upright { size, values: pixels } = source.read_float_colors()?;
         let pixels = pixels.into_iter().map(over_grey).collect();
         return Ok(Image { width: size.0, height: size.1, pixels });
     }
@@ -93,7 +93,7 @@ pub(super) fn opaque_pixels(
             (opaque.size, opaque.values)
         }
         Content::FloatColorAlpha => {
-            let (size, pixels) = source.read_float_colors()?;
+            let Upright { size, values: pixels } = source.read_float_colors()?;
             (size, pixels.into_iter().map(is_opaque).collect())
         }
         _ => return Ok(None),
@@ -217,11 +217,11 @@ impl<'a> Source<'a> {
     }
 
     /// The size as shown and the pixels of an image whose colours are floats.
-    fn read_float_colors(self) -> Result<((u32, u32), Vec<[u8; 4]>), FrameError> {
+    fn read_float_colors(self) -> Result<Upright<[u8; 4]>, FrameError> {
         let path = self.path;
         let pixels = self.read(float_colors)?;
         let bytes = to_bytes(&pixels.values).map_err(|what| FrameError::Invalid { path: path.into(), what })?;
-        Ok((pixels.size, bytes))
+        Ok(Upright { size: pixels.size, values: bytes })
     }
 
     fn read_tiff(mut self, in_world: impl Fn(f64) -> f32) -> Result<Upright<f32>, FrameError> {

@@ -323,7 +323,7 @@ mod tests {
         let check =
             |overwrite: bool, file: &Path| ExportTargets { overwrite, ..ExportTargets::default() }.check_files([file]);
         check(false, &mine).unwrap();
-        ExportTargets::write_files(&[mine.clone()], || Ok(fs::write(&mine, "exported")?)).unwrap();
+        ExportTargets::write_files(std::slice::from_ref(&mine), || Ok(fs::write(&mine, "exported")?)).unwrap();
         check(false, &mine).unwrap();
         fs::write(&mine, "exported, and a column of remarks").unwrap();
         assert!(check(false, &mine).unwrap_err().to_string().contains("--overwrite"));

@@ -174,7 +174,7 @@ fn read_files(
         let highest = highest.unwrap_or_default();
         for (file, mask, how) in read {
             // Twice the value must be above the highest and one: 128 of 255 is the middle of a trimap.
-            let lowest = if in_steps(&how) { ((highest + 1) / 2 + 1).min(highest).max(1) } else { 1 };
+            let lowest = if in_steps(&how) { (highest.div_ceil(2) + 1).min(highest).max(1) } else { 1 };
             for what in how.warnings() {
                 skipped.add(what, file.place());
             }

@@ -82,7 +82,7 @@ fn write_frame(
     let from = &project.frames[number];
     let (Some((camera, _)), Some((pinhole, _))) = (from.posed_camera(), to.posed_camera()) else { return Ok(None) };
     let image = match store.image(from) {
-        Ok(image) => undistort_image(&*image, camera, pinhole),
+        Ok(image) => undistort_image(&image, camera, pinhole),
         Err(error) => return Ok(Some(error)),
     };
     save_image(&folder.join("images").join(&to.name), &image)?;
