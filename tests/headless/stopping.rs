@@ -102,7 +102,7 @@ fn every_command_ends_at_an_interrupt_and_leaves_whole_files_only() {
     assert_eq!(temporary_files(Path::new(&recording.path(""))), [] as [String; 0]);
 }
 
-/// A project of a stranger can name a pipe that nobody writes to: reading it would wait for ever.
+/// A project of a stranger can name a pipe that has no writer: reading it would wait for ever.
 #[cfg(unix)]
 #[test]
 fn a_pipe_in_the_place_of_an_image_is_refused() {

@@ -204,7 +204,7 @@ fn names_in_a_project_lead_to_no_file_outside() {
     let copy = Copy::new();
     let text = fs::read_to_string(copy.file("project.toml")).unwrap();
     let (start, end) = (text.find("[frames.depth]").unwrap(), text.find("[frames.camera").unwrap());
-    // A folder that is none of the project's own may hold a link.
+    // Only the project's own folders are checked for links.
     for place in ["../theirs/notes", "theirs/notes"] {
         let made = format!("[frames.depth]\nmade = \"{place}\"\nscale = 1.0\n\n");
         fs::write(copy.file("project.toml"), [&text[..start], &made, &text[end..]].concat()).unwrap();

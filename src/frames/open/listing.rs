@@ -2,6 +2,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::natural::natural_order;
+use crate::engine::disk;
 use crate::frames::FrameError;
 use crate::frames::header::FORMATS;
 use crate::frames::named::first_of;
@@ -15,29 +16,6 @@ const UNSUPPORTED_ENDINGS: [&str; 45] = [
     "pfm", "tga", "exr", "hdr", "psd", "dng", "cr2", "cr3", "crw", "nef", "nrw", "arw", "srf", "sr2", "orf", "rw2",
     "raf", "pef", "srw", "x3f", "3fr", "iiq", "rwl", "raw", "mpo", "jps", "svg", "qoi", "btf",
 ];
-
-/// Folders that systems, network storage and photo programs put next to the user's files, in lower case.
-const SYSTEM_FOLDERS: [&str; 16] = [
-    "@eadir",
-    "@tmp",
-    "@recycle",
-    "@recently-snapshot",
-    "@sharebin",
-    "@synoeastream",
-    "#recycle",
-    "#snapshot",
-    "lost+found",
-    "__macosx",
-    "$recycle.bin",
-    "recycler",
-    "system volume information",
-    "thumbs.db",
-    "network trash folder",
-    "temporary items",
-];
-
-/// How the names of files begin that network storage makes of an image, in lower case.
-const THUMBNAIL_STARTS: [&str; 4] = ["synophoto_thumb", "synophoto_film", "synofile_thumb", "synovideo_"];
 
 /// A file below a folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -140,11 +118,6 @@ fn ending_is(path: &Path, endings: &[&str]) -> bool {
     ending.is_some_and(|ending| endings.contains(&ending.as_str()))
 }
 
-fn is_of_system(name: &str) -> bool {
-    let name = name.to_ascii_lowercase();
-    SYSTEM_FOLDERS.contains(&name.as_str()) || THUMBNAIL_STARTS.iter().any(|start| name.starts_with(start))
-}
-
 /// The path as text, since projects are text files.
 pub(super) fn text_of(path: &Path) -> Result<&str, FrameError> {
     path.to_str().ok_or_else(|| FrameError::Invalid {
@@ -184,7 +157,7 @@ impl Walk {
             return Ok(());
         }
         let own_name = own_name.to_string_lossy();
-        let is_of_system = is_of_system(&own_name);
+        let is_of_system = disk::is_system_file(&own_name);
         let name = if folder_name.is_empty() { own_name.into_owned() } else { format!("{folder_name}/{own_name}") };
         if is_of_system {
             self.found.system.push(name);

@@ -256,7 +256,7 @@ impl Builder {
     }
 
     /// Where the file has more digits than 32 bits hold and most of its first points lie far from zero, positions become
-    /// relative to an origin near those. A point at zero in place of a hole, or a stray one, decides nothing.
+    /// relative to an origin near those. A hole stored as zero, or one distant point, has no influence.
     fn choose_origin(&mut self) {
         let median = |axis: usize| {
             let mut along: Vec<f64> = self.first.iter().map(|at| at[axis]).collect();
