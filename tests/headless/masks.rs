@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ostra::engine::job::Progress;
 use ostra::masks::{
-    LabelId, LabelMask, LabelTree, MaskFormat, MaskFrame, RunMask, ScoreOptions, deepest_point, export_masks,
+    Label, LabelId, LabelMask, LabelTree, MaskFormat, MaskFrame, RunMask, ScoreOptions, deepest_point, export_masks,
     import_masks, read_palette_png, score_masks,
 };
 
@@ -65,9 +65,11 @@ fn real_masks_survive_every_format() {
     let Some(data) = data_dir() else { return };
     let names = frame_names();
     let masks = imported(&data.join(CLIP), MaskFormat::Davis, &names);
+    let mut tree = LabelTree::default();
+    let id = LabelId(1);
+    tree.set(Label { id, name: "scooter".to_owned(), color: LabelTree::color_for(id), parent: None }).unwrap();
     for format in MaskFormat::ALL {
         let dir = tempfile::tempdir().unwrap();
-        let tree = LabelTree::default();
         let held = masks.iter().map(|(frame, mask)| (*frame, mask));
         export_masks(dir.path(), format, &frames(&names), held, &tree, &Progress::default()).unwrap();
         assert_eq!(imported(dir.path(), format, &names), masks, "{format:?}");
