@@ -81,12 +81,26 @@ fn of_verb(matches: &ArgMatches) -> Result<&ArgMatches> {
 fn run_recipe(path: &Path) -> Result<()> {
     let text = crate::engine::disk::read_text(path)
         .with_context(|| format!("{}: cannot be read; check the path", path.display()))?;
-    let recipe: Recipe = serde_json::from_str(&text)
-        .with_context(|| format!("{}: is no recipe; save one from the window", path.display()))?;
+    let recipe =
+        read_recipe(&text).with_context(|| format!("{}: is no recipe; save one from the window", path.display()))?;
     if recipe.format != 1 {
         bail!("{}: the recipe has format {}, this program knows 1; get a newer ostra", path.display(), recipe.format);
     }
     Driver::new().act_and_save(recipe.commands)
+}
+
+/// A saved recipe, or the `recipe.jsonl` of a project: a command on each line.
+fn read_recipe(text: &str) -> serde_json::Result<Recipe> {
+    let saved = serde_json::from_str::<Recipe>(text);
+    if saved.is_ok() {
+        return saved;
+    }
+    let lines = text.lines().filter(|line| !line.trim().is_empty());
+    let commands: serde_json::Result<Vec<Command>> = lines.map(serde_json::from_str).collect();
+    match commands {
+        Ok(commands) if !commands.is_empty() => Ok(Recipe { format: 1, commands }),
+        _ => saved,
+    }
 }
 
 fn suggest(project: &Path, frame: Option<usize>) -> Result<()> {

@@ -1,13 +1,14 @@
 use std::path::{Path, PathBuf};
 
+use crate::engine::disk;
 use crate::engine::job::Stopped;
 use crate::geometry::GeometryError;
 
 /// What can go wrong while frames are opened or read; each says what the user can do.
 #[derive(Debug, thiserror::Error)]
 pub enum FrameError {
-    /// A file or folder cannot be read.
-    #[error("{}: cannot be read ({reason}); check that it exists and may be read", path.display())]
+    /// A file or folder cannot be read, or a file of cameras written.
+    #[error("{}: {}", path.display(), disk::read_fault(reason))]
     Io {
         /// The file.
         path: PathBuf,

@@ -1,5 +1,6 @@
 use std::path::PathBuf;
 
+use crate::engine::disk;
 use crate::engine::job::Stopped;
 use crate::frames::FrameError;
 
@@ -7,12 +8,12 @@ use crate::frames::FrameError;
 #[derive(Debug, thiserror::Error)]
 pub enum MaskError {
     /// A file or folder cannot be read or written.
-    #[error("{}: cannot be read or written ({source}); check that it exists and its permissions", path.display())]
+    #[error("{}: {}", path.display(), disk::fault(reason))]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
+        /// What the system said. Part of the message, so it is not this error's source: it would be printed twice.
+        reason: std::io::Error,
     },
     /// A mask file's content is damaged or does not fit its frame.
     #[error("{}: {what}", path.display())]

@@ -1,5 +1,6 @@
 use std::path::PathBuf;
 
+use crate::engine::disk;
 use crate::engine::job::Stopped;
 use crate::frames::FrameError;
 use crate::geometry::GeometryError;
@@ -9,12 +10,12 @@ use crate::masks::MaskError;
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// A file cannot be read or written.
-    #[error("{}: cannot be read or written ({source}); check that it exists and its permissions", path.display())]
+    #[error("{}: {}", path.display(), disk::fault(reason))]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
+        /// What the system said. Part of the message, so it is not this error's source: it would be printed twice.
+        reason: std::io::Error,
     },
     /// A file's content is damaged or of another kind.
     #[error("{}: {what}", path.display())]

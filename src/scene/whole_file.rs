@@ -18,14 +18,14 @@ pub(super) fn write_whole(
         file.commit().map_err(unplaced)
     });
     written.map_err(|error| match error {
-        SceneError::Io { path: none, source } if none.as_os_str().is_empty() => {
-            SceneError::Io { path: path.to_path_buf(), source }
+        SceneError::Io { path: none, reason } if none.as_os_str().is_empty() => {
+            SceneError::Io { path: path.to_path_buf(), reason }
         }
         other => other,
     })
 }
 
 /// A fault of the system in a file whose path is not known here.
-pub(super) fn unplaced(source: Error) -> SceneError {
-    SceneError::Io { path: PathBuf::new(), source }
+pub(super) fn unplaced(reason: Error) -> SceneError {
+    SceneError::Io { path: PathBuf::new(), reason }
 }

@@ -51,7 +51,8 @@ impl Compared {
         store: &FrameStore,
         cloud: (&LabelledCloud, &Votes),
     ) -> anyhow::Result<Region> {
-        let voted = Arc::new(RunMask::encode(&by_vote((project, store), cloud, self.frame, &[])?));
+        let (voted, _) = by_vote((project, store), cloud, self.frame, &[])?;
+        let voted = Arc::new(RunMask::encode(&voted));
         let voted = project.in_play(self.frame, &project.with_locks(self.frame, voted));
         Ok(contradiction(&self.mask.decode(), &voted.decode()))
     }

@@ -8,6 +8,7 @@ use std::time::UNIX_EPOCH;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
+use super::export_claim::WHOLE_FOLDER;
 use crate::engine::disk;
 
 /// The file in a folder that lists what OSTRA exported into it.
@@ -87,9 +88,6 @@ pub struct ExportRecord {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(super) pending: BTreeMap<String, u128>,
 }
-
-/// The name under which a whole folder is pending.
-pub(super) const WHOLE_FOLDER: &str = "";
 
 /// A larger record is not read; one of a million files takes a sixth of it.
 const MAX_BYTES: u64 = 1 << 30;

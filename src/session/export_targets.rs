@@ -8,7 +8,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use anyhow::{Context, Result, bail};
 
 use super::Project;
-use super::export_record::{ExportRecord, FileId, Known, RECORD, Stamp, WHOLE_FOLDER, files_below, name_below};
+use super::export_claim::{Claim, WHOLE_FOLDER, is_being_written, lock_folder};
+use super::export_record::{ExportRecord, FileId, Known, RECORD, Stamp, files_below, name_below};
 use crate::engine::disk;
 
 /// The clock of a file system may lag behind the system's; before an export nothing of its names was there.
@@ -86,6 +87,11 @@ impl ExportTargets {
             Some(Known::Changed) => {
                 bail!("{}: was changed since it was exported; choose another name, or replace it {HOW}", file.display())
             }
+            Some(Known::Interrupted)
+                if name_below(folder, file).is_some_and(|name| is_being_written(folder, &name)) =>
+            {
+                bail!("{}: another export writes here now; start this one when that has ended", file.display())
+            }
             Some(Known::Interrupted) => bail!(
                 "{}: an interrupted export may have left it; choose another name, or replace it {HOW}",
                 file.display()
@@ -108,6 +114,9 @@ impl ExportTargets {
             Err(_) => return Ok(()),
             Ok(found) if !found.is_dir() => bail!("{}: is not a folder; choose another name", folder.display()),
             Ok(_) => {}
+        }
+        if is_being_written(folder, WHOLE_FOLDER) {
+            bail!("{}: another export writes here now; start this one when that has ended", folder.display());
         }
         let record = ExportRecord::read(folder, RECORD);
         let (mut others, mut changed) = (Vec::new(), Vec::new());
@@ -175,7 +184,9 @@ impl ExportTargets {
     /// # Errors
     /// What `write` says; when a folder cannot be made or what was exported cannot be noted.
     pub fn write_files<T>(files: &[PathBuf], write: impl FnOnce() -> Result<T>) -> Result<T> {
-        Self::write_all(files, &[], write).map(|(written, _)| written)
+        let (written, ended) = write_noted(files, &[], write);
+        let written = written?;
+        ended.map(|_| written)
     }
 
     /// As [`Self::write_files`], with folders besides. Where it succeeds, what an earlier export left in these folders and
@@ -188,96 +199,124 @@ impl ExportTargets {
         folders: &[PathBuf],
         write: impl FnOnce() -> Result<T>,
     ) -> Result<(T, Vec<String>)> {
-        let before = stamps(files.iter().cloned());
-        let folders = begin(files, folders)?;
-        let written = write();
-        let ended = end(files, &before, &folders, written.is_ok());
+        let (written, ended) = write_noted(files, folders, write);
         let written = written?;
-        Ok((written, ended?))
+        let warnings = ended.unwrap_or_else(|error| {
+            vec![format!("{error:#}; the exports are complete, but to replace them --overwrite will be needed")]
+        });
+        Ok((written, warnings))
     }
+}
+
+/// What `write` says, and the warnings of [`end`].
+fn write_noted<T>(
+    files: &[PathBuf],
+    folders: &[PathBuf],
+    write: impl FnOnce() -> Result<T>,
+) -> (Result<T>, Result<Vec<String>>) {
+    let before = stamps(files.iter().cloned());
+    let begun = match begin(files, folders) {
+        Ok(begun) => begun,
+        Err(error) => return (Err(error), Ok(Vec::new())),
+    };
+    let written = write();
+    let ended = end(files, &before, begun, written.is_ok());
+    (written, ended)
 }
 
 fn stamps(files: impl IntoIterator<Item = PathBuf>) -> BTreeMap<PathBuf, Stamp> {
     files.into_iter().filter_map(|file| Stamp::of(&file).map(|stamp| (file, stamp))).collect()
 }
 
-/// The records of the folders that these files are in.
-fn records_of(files: &[PathBuf]) -> BTreeMap<&Path, ExportRecord> {
-    files.iter().map(|file| folder_of(file)).map(|folder| (folder, ExportRecord::read(folder, RECORD))).collect()
+/// A folder that is exported into.
+struct Begun {
+    folder: PathBuf,
+    claim: Claim,
+    /// What was in it, where all of its files are exports.
+    whole: Option<BTreeMap<PathBuf, Stamp>>,
 }
 
-/// A folder that is exported into, and what was in it.
-type BegunFolder<'a> = (&'a Path, BTreeMap<PathBuf, Stamp>);
-
-/// Notes what is about to be written, so that it is known what an export that is killed may have left.
-fn begin<'a>(files: &[PathBuf], folders: &'a [PathBuf]) -> Result<Vec<BegunFolder<'a>>> {
-    let make = |folder: &Path| {
-        fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made; check permissions", folder.display()))
-    };
-    let mut records = records_of(files);
+/// Notes what is about to be written, so that it is known what an export that is killed may have left, and claims it, so
+/// that no other export writes it meanwhile.
+fn begin(files: &[PathBuf], folders: &[PathBuf]) -> Result<Vec<Begun>> {
+    let mut names: BTreeMap<&Path, Vec<String>> = BTreeMap::new();
     for file in files {
         let folder = folder_of(file);
-        let record = records.entry(folder).or_default();
-        record.pending.extend(name_below(folder, file).map(|name| (name, now_ns())));
+        names.entry(folder).or_default().extend(name_below(folder, file));
     }
-    for (folder, record) in records {
-        make(folder)?;
-        disk::remove_leftovers(folder, false);
-        record.write(folder, RECORD)?;
+    for folder in folders {
+        names.entry(folder).or_default().push(WHOLE_FOLDER.to_owned());
     }
-    let begin_folder = |folder: &'a PathBuf| -> Result<BegunFolder<'a>> {
-        make(folder)?;
-        disk::remove_leftovers(folder, true);
+    let begin_folder = |(folder, names): (&Path, Vec<String>)| -> Result<Begun> {
+        let is_whole = names.iter().any(|name| name == WHOLE_FOLDER);
+        fs::create_dir_all(folder)
+            .with_context(|| format!("{}: cannot be made; check permissions", folder.display()))?;
+        let _locked = lock_folder(folder)?;
+        disk::remove_leftovers(folder, is_whole);
+        let claim = Claim::take(folder, &names)?;
         let mut record = ExportRecord::read(folder, RECORD);
-        record.pending.insert(WHOLE_FOLDER.to_owned(), now_ns());
+        record.pending.extend(names.into_iter().map(|name| (name, now_ns())));
         record.write(folder, RECORD)?;
-        Ok((folder, stamps(files_below(folder)?)))
+        let whole = is_whole.then(|| files_below(folder).map(stamps)).transpose()?;
+        Ok(Begun { folder: folder.to_owned(), claim, whole })
     };
-    folders.iter().map(begin_folder).collect()
+    names.into_iter().map(begin_folder).collect()
 }
 
 /// Notes what was written: what is not as it was before.
 fn end(
     files: &[PathBuf],
     before: &BTreeMap<PathBuf, Stamp>,
-    folders: &[BegunFolder<'_>],
+    begun: Vec<Begun>,
     is_complete: bool,
 ) -> Result<Vec<String>> {
-    let is_written = |before: &BTreeMap<PathBuf, Stamp>, file: &Path| {
-        Stamp::of(file).is_some_and(|stamp| before.get(file) != Some(&stamp))
-    };
-    let mut records = records_of(files);
-    for file in files {
-        let folder = folder_of(file);
-        let record = records.entry(folder).or_default();
-        name_below(folder, file).map(|name| record.pending.remove(&name));
-        if is_written(before, file) {
-            record.add(folder, file);
-        }
-    }
-    for (folder, record) in records {
-        disk::remove_leftovers(folder, false);
-        record.write(folder, RECORD)?;
-    }
     let mut warnings = Vec::new();
-    for (folder, before) in folders {
-        disk::remove_leftovers(folder, true);
-        let mut record = ExportRecord::read(folder, RECORD);
-        record.pending.remove(WHOLE_FOLDER);
-        let (written, former): (Vec<_>, Vec<_>) =
-            files_below(folder)?.into_iter().partition(|file| is_written(before, file));
-        if is_complete {
-            let removed: Vec<&PathBuf> = former.iter().filter(|file| fs::remove_file(file).is_ok()).collect();
-            record.files.clear();
-            if let Some(first) = removed.first() {
-                let (count, first) = (count(removed.len()), first.display());
-                warnings.push(format!("{}: {count} of an earlier export removed ({first})", folder.display()));
+    for Begun { folder, claim, whole } in begun {
+        let _locked = lock_folder(&folder)?;
+        // Gives the room back that the record needs.
+        drop(claim);
+        disk::remove_leftovers(&folder, whole.is_some());
+        let mut record = ExportRecord::read(&folder, RECORD);
+        for file in files.iter().filter(|file| folder_of(file) == folder) {
+            name_below(&folder, file).map(|name| record.pending.remove(&name));
+            if is_written(before, file) {
+                record.add(&folder, file);
             }
         }
-        written.iter().for_each(|file| record.add(folder, file));
-        record.write(folder, RECORD)?;
+        if let Some(before) = whole {
+            record.pending.remove(WHOLE_FOLDER);
+            warnings.extend(end_folder(&folder, &mut record, &before, is_complete)?);
+        }
+        record.write(&folder, RECORD)?;
     }
     Ok(warnings)
+}
+
+/// Notes what was written into a folder that holds exports only, and removes what an earlier one left where this one is
+/// complete; says what.
+fn end_folder(
+    folder: &Path,
+    record: &mut ExportRecord,
+    before: &BTreeMap<PathBuf, Stamp>,
+    is_complete: bool,
+) -> Result<Option<String>> {
+    let (written, former): (Vec<_>, Vec<_>) =
+        files_below(folder)?.into_iter().partition(|file| is_written(before, file));
+    let mut warning = None;
+    if is_complete {
+        let removed: Vec<&PathBuf> = former.iter().filter(|file| fs::remove_file(file).is_ok()).collect();
+        record.files.clear();
+        warning = removed.first().map(|first| {
+            let (count, first) = (count(removed.len()), first.display());
+            format!("{}: {count} of an earlier export removed ({first})", folder.display())
+        });
+    }
+    written.iter().for_each(|file| record.add(folder, file));
+    Ok(warning)
+}
+
+fn is_written(before: &BTreeMap<PathBuf, Stamp>, file: &Path) -> bool {
+    Stamp::of(file).is_some_and(|stamp| before.get(file) != Some(&stamp))
 }
 
 /// Now, less the lag of a file system's clock, in nanoseconds since 1970.

@@ -22,6 +22,7 @@ mod engines;
 mod estimate;
 pub mod evaluate;
 mod event;
+mod export_claim;
 mod export_record;
 pub mod export_targets;
 mod following;

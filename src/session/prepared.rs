@@ -7,6 +7,8 @@ use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore};
 use crate::masks::builtin::settled;
 use crate::masks::{PreparedFrame, Segmenter};
+use crate::scene::SceneError;
+use crate::scene::fuse::readable;
 
 /// Frames made ready by segmenters, the latest used ones, bounded in bytes. Shared by all threads.
 pub struct PreparedFrames {
@@ -37,7 +39,7 @@ impl PreparedFrames {
         Self { slots: Mutex::default(), budget_bytes }
     }
 
-    /// The frame made ready, from the cache where it is there.
+    /// The frame made ready, from the cache where it is there. Without its depth where that cannot be read.
     ///
     /// # Errors
     /// When the picture cannot be read or the segmenter fails, or on a stop.
@@ -56,7 +58,7 @@ impl PreparedFrames {
         }
         progress.stage("prepare")?;
         let image = store.image(frame)?;
-        let depth = match store.depth(frame)? {
+        let depth = match readable(store.depth(frame).map_err(SceneError::from))?.flatten() {
             // Borders that stereo made lie where its windows do, a few pixels off.
             Some(made) if !frame.has_sensor_depth() => Some(Arc::new(settled(&made, &image))),
             depth => depth,

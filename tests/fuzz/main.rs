@@ -10,6 +10,8 @@
 #[cfg(test)]
 mod cameras;
 #[cfg(test)]
+mod features;
+#[cfg(test)]
 mod harness;
 #[cfg(test)]
 mod images;

@@ -8,23 +8,19 @@ use glam::DVec2;
 use image::{ImageBuffer, Luma};
 use ostra::frames::cameras::IntrinsicsSource;
 use ostra::frames::{FrameFolder, OpenRequest};
-use ostra::masks::LabelId;
+use ostra::masks::{Click, LabelId, Prompt};
 use ostra::scene::fuse::read_votes;
-use ostra::session::{Command, Event, FuseRequest, NewProject, PaintRequest, Project, Recipe, ResultKind, Session};
-use tempfile::TempDir;
+use ostra::session::{
+    Command, Event, FuseRequest, NewProject, PaintRequest, Project, PromptRequest, RangeChange, RangeRequest, Recipe,
+    ResultKind, Session, TidyRequest, TraceRequest,
+};
 
 use crate::harness::{Seed, fuzz, scratch};
 use crate::seeds;
 
-/// A folder with a project of two RGB-D frames with a label, masks, a cloud and some history, and the images it was made of.
-struct Sample {
-    files: Vec<Seed>,
-    /// Where `recipes` opens it.
-    folder: TempDir,
-}
-
-fn sample() -> &'static Sample {
-    static SAMPLE: OnceLock<Sample> = OnceLock::new();
+/// The files of a project of two RGB-D frames with a label, masks, a cloud and some history, and of the images it was made of.
+fn sample() -> &'static [Seed] {
+    static SAMPLE: OnceLock<Vec<Seed>> = OnceLock::new();
     SAMPLE.get_or_init(|| {
         let folder = tempfile::tempdir_in(scratch()).unwrap();
         let root = folder.path().join("project");
@@ -32,7 +28,7 @@ fn sample() -> &'static Sample {
         let mut files = Vec::new();
         collect(folder.path(), folder.path(), &mut files);
         assert!(files.len() > 12, "{:?}", files.iter().map(|file| &file.path).collect::<Vec<_>>());
-        Sample { files, folder }
+        files
     })
 }
 
@@ -134,25 +130,26 @@ fn is_stale(project: &Project) -> bool {
 
 #[test]
 fn project_folders() {
-    let files = &sample().files;
-    let place_all = |folder: &Path, damaged: Option<&Seed>| {
-        for file in files.iter().filter(|file| damaged.is_none_or(|damaged| file.path != damaged.path)) {
-            let path = folder.join(&file.path);
-            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(path, &file.bytes).unwrap();
-        }
-    };
+    let files = sample();
     let whole = tempfile::tempdir_in(scratch()).unwrap();
-    place_all(whole.path(), None);
+    place_all(whole.path(), files);
     assert!(use_project(&whole.path().join("project")), "the undamaged project is fused");
-    fuzz!("project folders", 400, files.clone(), |folder, damaged| {
-        place_all(folder, Some(damaged));
+    fuzz!("project folders", 400, files.to_vec(), |folder, damaged| {
+        place_all(folder, files.iter().filter(|file| file.path != damaged.path));
         use_project(&folder.join("project"));
         for file in files.iter().filter(|file| !file.path.starts_with("project/") && file.path != damaged.path) {
             assert!(std::fs::read(folder.join(&file.path)).unwrap() == file.bytes, "{} was changed", file.path);
         }
         clear(folder);
     });
+}
+
+fn place_all<'a>(folder: &Path, files: impl IntoIterator<Item = &'a Seed>) {
+    for file in files {
+        let path = folder.join(&file.path);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, &file.bytes).unwrap();
+    }
 }
 
 fn clear(folder: &Path) {
@@ -164,7 +161,7 @@ fn clear(folder: &Path) {
 
 #[test]
 fn votes() {
-    let votes = sample().files.iter().filter(|file| file.path == "project/votes.bin").cloned().collect::<Vec<_>>();
+    let votes = sample().iter().filter(|file| file.path == "project/votes.bin").cloned().collect::<Vec<_>>();
     fuzz!("votes", 10_000, votes, |_, seed| {
         let _ = read_votes(seed.bytes.as_slice());
     });
@@ -173,16 +170,36 @@ fn votes() {
 /// Steps of a recipe that touch nothing but the open project.
 #[test]
 fn recipes() {
-    let text = r#"{"format":1,"commands":[{"add_label":{"name":"a","parent":null,"color":[1,2,3]}},
-{"paint":{"frame":0,"label":1,"points_px":[[5,5],[9,8]],"radius_px":3,"erase":false,"replace":true,"snap":true}},
-{"prompt":{"frame":1,"label":1,"clicks":[{"x":5,"y":5,"positive":true}]}},
-{"tidy":{"frame":0,"label":1,"holes_below":5,"islands_below":5}},"undo","redo"]}"#;
-    let sample = sample();
-    let root = sample.folder.path().join("project");
-    fuzz!("recipes", 3000, [Seed::new("recipe.json", text)], |_, seed| {
+    let prompt = Prompt { clicks: vec![Click { at_px: DVec2::splat(5.0), include: true }], ..Prompt::default() };
+    let trace = TraceRequest {
+        frame: 1,
+        label: LabelId(1),
+        points_px: vec![DVec2::new(1.0, 1.0), DVec2::new(12.0, 9.0)],
+        replace: false,
+    };
+    let commands = vec![
+        Command::AddLabel { name: "a".into(), parent: None, color: Some([1, 2, 3]) },
+        paint(),
+        Command::Prompt(PromptRequest { frame: 1, label: LabelId(1), prompt, segmenter: "builtin".into() }),
+        Command::Trace(trace),
+        Command::Tidy(TidyRequest { frame: 0, label: LabelId(1), holes_below_px: 5, islands_below_px: 5 }),
+        Command::Range(RangeRequest {
+            labels: vec![LabelId(1)],
+            from: 0,
+            to: 1,
+            change: RangeChange::Delete,
+            replace: false,
+        }),
+        Command::Undo,
+        Command::Redo,
+    ];
+    let text = serde_json::to_vec_pretty(&Recipe { format: 1, commands }).unwrap();
+    let files = sample();
+    fuzz!("recipes", 3000, [Seed::new("recipe.json", text)], |folder, seed| {
         let Ok(recipe) = serde_json::from_slice::<Recipe>(&seed.bytes) else { return };
+        place_all(folder, files);
         let mut session = Session::new();
-        session.act(Command::Open(root.clone())).unwrap();
+        session.act(Command::Open(folder.join("project"))).unwrap();
         settle(&mut session);
         for command in recipe.commands {
             use Command as C;
@@ -202,5 +219,7 @@ fn recipes() {
                 settle(&mut session);
             }
         }
+        drop(session);
+        clear(folder);
     });
 }

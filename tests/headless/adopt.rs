@@ -9,7 +9,7 @@ use ostra::masks::LabelId;
 use ostra::scene::LabelledCloud;
 use ostra::scene::select::{Eye, SeenRegion, SelectStep};
 use ostra::session::{
-    AdoptRequest, CloudChange, CloudCorrection, Command, FuseRequest, RangeChange, RangeRequest, Session,
+    AdoptRequest, CloudChange, CloudCorrection, Command, Event, FuseRequest, RangeChange, RangeRequest, Session,
 };
 
 use super::command_line::{done, refused};
@@ -109,6 +109,14 @@ fn a_leafs_tip_that_no_mask_has_goes_to_the_leaf() {
     assert!(!has_mask(&session), "a frame without a mask gets none: it would vote for nothing but the tip");
     perform(&mut session, Command::Undo).unwrap();
     assert!(**session.project().unwrap() == *before, "one undo takes all of it back");
+
+    let depths = before.frames.iter().filter_map(|frame| frame.depth.as_ref()?.sensor_path());
+    depths.for_each(|path| std::fs::write(path, "").unwrap());
+    let events = perform(&mut session, Command::Adopt(AdoptRequest::default())).unwrap();
+    let warnings = events.iter().filter_map(|event| if let Event::Warning(text) = event { Some(text) } else { None });
+    assert_eq!(warnings.filter(|text| text.contains("depth that cannot be read")).count(), 1, "{events:?}");
+    assert!(**session.project().unwrap() != *before, "depths that cannot be read stop nothing");
+    perform(&mut session, Command::Undo).unwrap();
 
     let to = before.frames.len() - 1;
     let hide = RangeRequest { labels: vec![leaf], from: 0, to, change: RangeChange::Hide, replace: false };

@@ -71,7 +71,7 @@ impl Recording {
     }
 
     /// True masks: the square is 16 × 20 pixels on every frame.
-    fn truth(&self) -> String {
+    pub(super) fn truth(&self) -> String {
         let truth = self.path("truth");
         std::fs::create_dir(&truth).unwrap();
         for k in 0..4_u32 {

@@ -11,7 +11,7 @@ use ostra::session::{
     CloudChange, CloudCorrection, Command, FuseRequest, InstancesRequest, MaskOrigin, ResultKind, Session, Surface,
 };
 
-use super::command_line::{Recording, contents, done, refused};
+use super::command_line::{Recording, contents, done, ostra, refused};
 use super::session::{new_project, perform};
 use crate::support::data_dir;
 
@@ -154,6 +154,23 @@ fn a_recipe_corrects_through_a_frames_camera() {
     let nowhere = square().replace("\"frame\":0", "\"frame\":9");
     let wrong = format!(r#"{{"correct_cloud":{{"select":[{nowhere}],"change":"clear"}}}}"#);
     assert!(refused(&["run", &recipe(&recording, &project, &wrong)]).contains("frame 9"));
+}
+
+#[test]
+fn a_depth_that_cannot_be_read_stops_no_correction() {
+    let recording = Recording::new();
+    let project = labelled(&recording);
+    let things: Vec<usize> = (0..4).map(|frame| pixels(&project, frame, 1)).collect();
+    std::fs::write(recording.path("depth/2.png"), "").unwrap();
+    let assign = format!(r#"{{"correct_cloud":{{"select":[{}],"change":{{"assign":2}}}}}}"#, square());
+    let output = ostra(&["run", &recipe(&recording, &project, &assign)]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("1 frames have a depth that cannot be read") && said.contains("2.png"), "{said}");
+    for (frame, &thing) in things.iter().enumerate() {
+        let moved = pixels(&project, frame, 2);
+        assert!(2 * moved > thing, "frame {frame}: {moved} of {thing}");
+    }
 }
 
 #[test]

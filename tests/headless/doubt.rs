@@ -7,7 +7,7 @@ use ostra::masks::{LabelId, read_palette_png};
 use ostra::session::{Command, Session};
 use serde_json::Value;
 
-use super::command_line::{Recording, done, refused};
+use super::command_line::{Recording, done, ostra, refused};
 
 fn ranked(project: &str) -> Vec<(u64, f64)> {
     let told: Value = serde_json::from_str(&done(&["doubt", project, "--json"])).unwrap();
@@ -66,4 +66,24 @@ fn a_wrong_mask_is_the_most_doubtful_and_the_vote_puts_it_right() {
     let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
     assert_eq!(info["frames"][2]["mask"], "anchor");
     assert!(ranked(&project)[0].1 < 0.02, "{:?}", ranked(&project));
+}
+
+#[test]
+fn a_depth_that_cannot_be_read_does_not_keep_votes_from_being_accepted() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    done(&["prompt", &project, "--frame", "0", "--label", "thing", "--click", "20,24"]);
+    done(&["track", &project, "--tracker", "geometry"]);
+    done(&["fuse", &project, "--voxel", "0.01"]);
+    std::fs::write(recording.path("depth/1.png"), "").unwrap();
+    let output = ostra(&["doubt", &project, "--accept", "1", "--accept", "2"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("1 frames have a depth that cannot be read") && said.contains("1.png"), "{said}");
+    let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
+    for frame in [1, 2] {
+        assert_eq!(info["frames"][frame]["mask"], "anchor");
+        assert!(pixels(&project, frame as u32, 1).contains(&true), "frame {frame}");
+    }
 }

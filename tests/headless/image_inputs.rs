@@ -233,6 +233,32 @@ fn damaged_images_are_named_and_everything_goes_on_without_them() {
 }
 
 #[test]
+fn a_robot_user_leaves_out_frames_that_cannot_be_read() {
+    let recording = Recording::new();
+    let (project, truth) = (recording.project(), recording.truth());
+    for file in ["color/1.png", "depth/2.png"] {
+        std::fs::write(recording.path(file), "").unwrap();
+    }
+    let said = warned(&["eval", "interact", "--frames", &project, "--truth", &truth, "--tracker", "geometry"]);
+    assert!(said.contains("2 frames cannot be read") && said.contains("1.png, 2.png"), "{said}");
+}
+
+#[test]
+fn clicks_and_the_geometry_tracker_go_on_without_a_depth_that_cannot_be_read() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    std::fs::write(recording.path("depth/1.png"), "").unwrap();
+    let prompt = |frame: &str| warned(&["prompt", &project, "--frame", frame, "--label", "thing", "--click", "20,24"]);
+    let said = prompt("1");
+    assert!(said.contains("1 frames have a depth that cannot be read") && said.contains("1.png"), "{said}");
+    assert!(!prompt("0").contains("cannot be read"), "a neighbour's depth is of no concern");
+    let said = warned(&["track", &project, "--tracker", "geometry"]);
+    assert!(said.contains("1 frames cannot be read") && said.contains("1.png"), "{said}");
+    assert_eq!(frames_of(&project)[3]["mask"], "tracked");
+}
+
+#[test]
 fn exported_depths_and_other_floats_are_read_back() {
     let recording = Recording::new();
     let project = recording.project();
@@ -429,4 +455,26 @@ fn one_unusable_depth_does_not_end_the_others() {
     assert!(warnings.contains("1 depths cannot be used") && warnings.contains("2.png: depth of 32 × 24"), "{warnings}");
     let with_depth: Vec<bool> = frames_of(&project).iter().map(|frame| frame["depth"].as_bool().unwrap()).collect();
     assert_eq!(with_depth, [true, true, false, true]);
+}
+
+#[test]
+fn fusion_without_its_images_names_the_missing_one() {
+    let recording = Recording::new();
+    let project = recording.project();
+    std::fs::rename(recording.path("color"), recording.path("moved")).unwrap();
+    for more in [&[][..], &["--voxel", "0.01"]] {
+        let said = refused(&[&["fuse", &project], more].concat());
+        assert!(said.contains("color") && said.contains("ostra relocate"), "{said}");
+    }
+}
+
+#[test]
+fn registration_without_its_images_names_the_missing_one() {
+    let recording = Recording::new();
+    let project = recording.project();
+    std::fs::rename(recording.path("color"), recording.path("moved")).unwrap();
+    for method in ["rgbd", "sfm"] {
+        let said = refused(&["reconstruct", &project, "--method", method]);
+        assert!(said.contains("color") && said.contains("ostra relocate"), "{method}: {said}");
+    }
 }

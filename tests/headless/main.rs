@@ -95,6 +95,8 @@ mod thin;
 #[cfg(test)]
 mod traits;
 #[cfg(test)]
+mod two_processes;
+#[cfg(test)]
 mod untrusted_projects;
 #[cfg(test)]
 mod video_seeking;

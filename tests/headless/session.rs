@@ -13,6 +13,7 @@ use ostra::session::{
     Session, TrackSettings,
 };
 
+use super::command_line::{Recording, done, refused};
 use crate::support::data_dir;
 
 /// Carries out a command to its end.
@@ -260,4 +261,23 @@ fn a_stopped_tracking_keeps_what_it_has() {
     assert_eq!(told, tracked);
     perform(&mut session, Command::Undo).unwrap();
     assert_eq!(session.project().unwrap().masks.len(), if tracked > 0 { 1 } else { 0 });
+}
+
+#[test]
+fn the_steps_that_a_project_lists_make_it_again_elsewhere() {
+    let recording = Recording::new();
+    let project = recording.project();
+    done(&["label", &project, "thing"]);
+    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    let (steps, again) = (recording.path("steps.jsonl"), recording.path("again"));
+    let text = std::fs::read_to_string(format!("{project}/recipe.jsonl")).unwrap();
+    std::fs::write(&steps, text.replacen(&project, &again, 1)).unwrap();
+    done(&["run", &steps]);
+    let described = |project: &str| {
+        let info: serde_json::Value = serde_json::from_str(&done(&["info", project, "--json"])).unwrap();
+        (info["labels"].clone(), info["frames"].clone())
+    };
+    assert_eq!(described(&again), described(&project));
+    std::fs::write(&steps, "{\"new\":\n").unwrap();
+    assert!(refused(&["run", &steps]).contains("is no recipe"));
 }

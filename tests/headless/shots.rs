@@ -80,3 +80,35 @@ fn a_turntable_film_has_the_pictures_asked_for_and_names_what_is_missing() {
     assert_eq!(String::from_utf8_lossy(&probed.stdout).trim(), "162,120,6", "odd sides get a column more");
     assert!(!Path::new(&recording.path("turn.part.mp4")).exists());
 }
+
+/// On a full disk ffmpeg may cut a film short and end well.
+#[cfg(unix)]
+#[test]
+fn a_film_that_was_cut_short_is_an_error() {
+    use std::os::unix::fs::PermissionsExt;
+    if !has_ffmpeg() {
+        return;
+    }
+    let recording = Recording::new();
+    let project = voted(&recording);
+    let (shot, film) = (recording.path("shot.png"), recording.path("turn.mp4"));
+    let programs = recording.path("programs");
+    std::fs::create_dir(&programs).unwrap();
+    let path = std::env::var("PATH").unwrap();
+    let short = format!(
+        "#!/bin/sh\nfor last; do :; done\nPATH='{path}' ffmpeg \"$@\" || exit\nfile=${{last#file:}}\n\
+         head -c 1500 \"$file\" > \"$file.short\"\nmv \"$file.short\" \"$file\"\n"
+    );
+    std::fs::write(format!("{programs}/ffmpeg"), short).unwrap();
+    std::fs::set_permissions(format!("{programs}/ffmpeg"), PermissionsExt::from_mode(0o755)).unwrap();
+    let words = ["shot", &project, &shot, "--size", "160x120", "--turntable", &film, "--seconds", "1", "--fps", "6"];
+    let output = Command::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(words)
+        .env("PATH", format!("{programs}:{path}"))
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(1) && said.contains("of 6 pictures"), "{said}");
+    assert!(!Path::new(&film).exists());
+    done(&words);
+}

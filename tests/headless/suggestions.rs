@@ -71,6 +71,35 @@ fn a_thing_that_moves_on_its_own_is_offered_until_a_label_explains_it() {
 }
 
 #[test]
+fn frames_that_cannot_be_read_are_named_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::create_dir(folder.join("frames")).unwrap();
+    for frame in 0..6 {
+        picture(frame).save(folder.join(format!("frames/{frame}.png"))).unwrap();
+    }
+    ostra("new p --frames frames", folder);
+    ostra("label p ground", folder);
+    for frame in [0, 2, 5] {
+        ostra(&format!("trace p --frame {frame} --label ground --point 20,200 --point 60,200"), folder);
+    }
+    for frame in [0, 5] {
+        std::fs::write(folder.join(format!("frames/{frame}.png")), "").unwrap();
+    }
+    let suggest =
+        || Command::new(env!("CARGO_BIN_EXE_ostra")).args(["suggest", "p"]).current_dir(folder).output().unwrap();
+    let out = suggest();
+    let said = String::from_utf8_lossy(&out.stderr);
+    let lines: Vec<&str> = said.lines().filter(|line| line.contains("passed over")).collect();
+    assert!(out.status.success() && lines.len() == 1, "{said}");
+    assert!(lines[0].contains("2 frames cannot be read") && lines[0].contains("0.png, 5.png"), "{said}");
+    std::fs::write(folder.join("frames/2.png"), "").unwrap();
+    let out = suggest();
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.code() == Some(1) && said.contains("0.png: the file is empty"), "none is left: {said}");
+}
+
+#[test]
 fn proposals_say_what_they_need() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

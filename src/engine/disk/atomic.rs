@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
+use super::fault::without_path;
 use super::leftovers::{LOCK, PREFIX, SUFFIX};
 use super::unfinished::Unfinished;
 
@@ -32,7 +33,8 @@ impl AtomicFile {
             return Err(Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
         }
         let prefix = prefix_for(target)?;
-        let (file, listed) = Unfinished::create(|| builder(&prefix).tempfile_in(folder_of(target)))?;
+        let make = || builder(&prefix).tempfile_in(folder_of(target)).map_err(without_path);
+        let (file, listed) = Unfinished::create(make)?;
         // Some network file systems have no locks; there a leftover is only recognised by its name.
         let _ = file.as_file().try_lock();
         Ok(Self { file, target: target.to_owned(), _listed: listed })
@@ -97,7 +99,8 @@ impl WorkFolder {
     /// # Errors
     /// When `folder` is missing or not writable.
     pub fn create(folder: &Path) -> Result<Self> {
-        let folder = Builder::new().prefix(PREFIX).suffix(SUFFIX).rand_bytes(12).tempdir_in(folder)?;
+        let made = Builder::new().prefix(PREFIX).suffix(SUFFIX).rand_bytes(12).tempdir_in(folder);
+        let folder = made.map_err(without_path)?;
         let lock = File::create_new(folder.path().join(LOCK))?;
         let _ = lock.try_lock();
         Ok(Self { folder, _lock: lock })

@@ -27,6 +27,12 @@ pub fn open_in_place(path: &Path) -> Result<File> {
     if is_same_file(&now, &file.metadata()?) { Ok(file) } else { Err(Error::other("it was replaced just now")) }
 }
 
+/// Whether an open file is still the one at `path`: another process may have removed or replaced it since.
+#[must_use]
+pub fn is_still_at(file: &File, path: &Path) -> bool {
+    fs::symlink_metadata(path).and_then(|now| Ok(is_same_file(&now, &file.metadata()?))).unwrap_or(false)
+}
+
 fn options() -> OpenOptions {
     let mut options = OpenOptions::new();
     options.read(true).write(true);

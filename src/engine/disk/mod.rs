@@ -3,6 +3,7 @@
 //! May use: std, tempfile. Must not touch: any domain word.
 
 mod atomic;
+mod fault;
 mod in_place;
 mod leftovers;
 mod open;
@@ -11,7 +12,8 @@ mod system_files;
 mod unfinished;
 
 pub use atomic::{AtomicFile, WorkFolder, write};
-pub use in_place::open_in_place;
+pub use fault::{fault, read_fault, write_fault};
+pub use in_place::{is_still_at, open_in_place};
 pub use leftovers::{is_temporary, remove_leftovers};
 pub use open::{decode_text, open_regular, read_regular, read_regular_up_to, read_text, read_text_up_to, skip_mark};
 pub use second_name::link;

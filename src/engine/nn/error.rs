@@ -1,5 +1,7 @@
 use std::path::PathBuf;
 
+use crate::engine::disk;
+
 /// Why a network cannot be loaded or run; each says what the user can do.
 #[derive(Debug, thiserror::Error)]
 pub enum NnError {
@@ -27,12 +29,12 @@ pub enum NnError {
         what: String,
     },
     /// A file cannot be read or written.
-    #[error("{}: cannot be read or written ({source}); check that it exists, its permissions and free space", path.display())]
+    #[error("{}: {}", path.display(), disk::fault(reason))]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
+        /// What the system said. Part of the message, so it is not this error's source: it would be printed twice.
+        reason: std::io::Error,
     },
     /// A file is no network, or one that ONNX Runtime cannot run.
     #[error("{}: cannot be loaded as an ONNX network ({what}); check that the file is complete and of that format", path.display())]

@@ -19,14 +19,14 @@ pub fn fetch(url: &str, into: &Path, limit: u64, told: &mut dyn FnMut(u64) -> bo
     let part = with_suffix(into, ".part");
     let mut curl = run(url, &part, limit, told)?;
     if part.exists() && cannot_resume(&curl) && told(0) {
-        fs::remove_file(&part).map_err(|source| NnError::Io { path: part.clone(), source })?;
+        fs::remove_file(&part).map_err(|reason| NnError::Io { path: part.clone(), reason })?;
         curl = run(url, &part, limit, told)?;
     }
     if !curl.is_well() {
         let what = curl.said.trim_start_matches("curl: ").to_owned();
         return Err(NnError::Fetch { url: url.to_owned(), what, is_stopped: false });
     }
-    fs::rename(&part, into).map_err(|source| NnError::Io { path: into.to_owned(), source })
+    fs::rename(&part, into).map_err(|reason| NnError::Io { path: into.to_owned(), reason })
 }
 
 /// Whether the server cannot continue, or has nothing beyond what is there.
@@ -54,7 +54,7 @@ fn run(url: &str, part: &Path, limit: u64, told: &mut dyn FnMut(u64) -> bool) ->
         _ => failed(error.to_string(), false),
     })?;
     if is_too_long || bytes() > limit {
-        fs::remove_file(part).map_err(|source| NnError::Io { path: part.to_owned(), source })?;
+        fs::remove_file(part).map_err(|reason| NnError::Io { path: part.to_owned(), reason })?;
         return Err(failed(format!("it is longer than the {limit} bytes that are expected"), false));
     }
     told(bytes());

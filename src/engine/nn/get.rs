@@ -44,7 +44,7 @@ pub fn install(
     let downloads = folder.join(UNDER_WAY).join(name);
     let urls = entry.files().iter().map(|file| file.url.as_deref().zip(Some(file)));
     let urls = urls.collect::<Option<Vec<_>>>().ok_or_else(|| entry.without_address())?;
-    fs::create_dir_all(&downloads).map_err(|source| NnError::Io { path: downloads.clone(), source })?;
+    fs::create_dir_all(&downloads).map_err(|reason| NnError::Io { path: downloads.clone(), reason })?;
     let files = if entry.is_library() {
         vec![library(&downloads, told)?]
     } else {
@@ -98,7 +98,7 @@ fn verified(wanted: &Wanted<'_>, into: &Path, told: &mut dyn FnMut(Fetched<'_>) 
 }
 
 fn verify(wanted: &Wanted<'_>, path: &Path) -> Result<(), NnError> {
-    let failed = |source| NnError::Io { path: path.to_owned(), source };
+    let failed = |reason| NnError::Io { path: path.to_owned(), reason };
     let found = sha256(path).map_err(failed)?;
     if found == wanted.sha256 {
         return Ok(());
@@ -123,7 +123,7 @@ fn library(downloads: &Path, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Resul
     }
     verified(&wanted, &into, told)?;
     let library = downloads.join(library_name());
-    let failed = |source| NnError::Io { path: into.clone(), source };
+    let failed = |reason| NnError::Io { path: library.clone(), reason };
     let mut file = fs::File::create(&library).map_err(failed)?;
     unzip(&into, wheel.library, &mut file).map_err(failed)?;
     Ok(library)
@@ -139,6 +139,11 @@ fn by_pip(python: &str, wheel: &Wheel, downloads: &Path, goes_on: &mut dyn FnMut
     let stopped = || NnError::Fetch { url: python.to_owned(), what: "stopped".to_owned(), is_stopped: true };
     match goes_on().then(|| watched(&mut pip, goes_on)) {
         None | Some(Ok(None)) => Err(stopped()),
-        Some(_) => Ok(()), // whether it worked shows in the file
+        Some(Ok(Some(ended))) if ended.is_well() => Ok(()),
+        Some(_) => {
+            // What it may have begun is no download; the address is tried next, and says what is wrong.
+            let _ = fs::remove_file(downloads.join(wheel.file_name()));
+            Ok(())
+        }
     }
 }

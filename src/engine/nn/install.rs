@@ -97,7 +97,7 @@ fn prove_by_digest(file: &NetworkFile, path: &Path, why: &NnError) -> Result<Pro
     let Some(expected) = &file.sha256 else {
         return Ok(Proof::None(why.to_string()));
     };
-    let found = sha256(path).map_err(|source| NnError::Io { path: path.to_owned(), source })?;
+    let found = sha256(path).map_err(|reason| NnError::Io { path: path.to_owned(), reason })?;
     if found == *expected || file.other_sha256.contains(&found) {
         return Ok(Proof::Known);
     }
@@ -105,14 +105,14 @@ fn prove_by_digest(file: &NetworkFile, path: &Path, why: &NnError) -> Result<Pro
 }
 
 fn readable(path: &Path) -> Result<(), NnError> {
-    File::open(path).map(drop).map_err(|source| NnError::Io { path: path.to_owned(), source })
+    File::open(path).map(drop).map_err(|reason| NnError::Io { path: path.to_owned(), reason })
 }
 
 /// Copies all files before any of them replaces what was there.
 fn place(folder: &Path, files: &[PathBuf], targets: &[PathBuf]) -> Result<(), NnError> {
     let failed = |path: &Path| {
         let path = path.to_owned();
-        move |source| NnError::Io { path, source }
+        move |reason| NnError::Io { path, reason }
     };
     fs::create_dir_all(folder).map_err(failed(folder))?;
     disk::remove_leftovers(folder, false);

@@ -129,5 +129,5 @@ pub fn load_text(folder: &Path, name: &str) -> Result<Vec<String>, NnError> {
 
 /// A file of text in UTF-8.
 pub(super) fn text(path: &Path) -> Result<String, NnError> {
-    std::fs::read_to_string(path).map_err(|source| NnError::Io { path: path.to_owned(), source })
+    std::fs::read_to_string(path).map_err(|reason| NnError::Io { path: path.to_owned(), reason })
 }

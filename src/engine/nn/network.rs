@@ -28,7 +28,7 @@ impl Network {
     /// # Errors
     /// [`NnError::Io`], [`NnError::NotANetwork`], [`NnError::Mismatch`].
     pub fn load(runtime: &Runtime, path: &Path, expected: Option<&Signature>) -> Result<Self, NnError> {
-        std::fs::File::open(path).map_err(|source| NnError::Io { path: path.to_owned(), source })?;
+        std::fs::File::open(path).map_err(|reason| NnError::Io { path: path.to_owned(), reason })?;
         let broken = |error: ort::Error| NnError::NotANetwork { path: path.to_owned(), what: one_line(&error) };
         let provider = Provider::chosen();
         let session = session(runtime, path, provider).or_else(|error| {

@@ -21,7 +21,7 @@ pub(super) fn record(folder: &Path, files: &[PathBuf], digests: Vec<String>) -> 
     records.extend(files.iter().map(|path| name(path)).zip(digests));
     let path = folder.join(RECORDS);
     let text = toml::to_string(&records).map_err(|error| NnError::Request(format!("{}: {error}", path.display())))?;
-    disk::write(&path, text.as_bytes()).map_err(|source| NnError::Io { path, source })
+    disk::write(&path, text.as_bytes()).map_err(|reason| NnError::Io { path, reason })
 }
 
 /// Refuses a file that is another one than was added; one that was put there by hand is not known.
@@ -38,12 +38,12 @@ fn read(folder: &Path) -> Result<BTreeMap<String, String>, NnError> {
             toml::from_str(&text).map_err(|error| NnError::Request(format!("{}: {error}; delete it", path.display())))
         }
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(BTreeMap::new()),
-        Err(source) => Err(NnError::Io { path, source }),
+        Err(reason) => Err(NnError::Io { path, reason }),
     }
 }
 
 fn digest(path: &Path) -> Result<String, NnError> {
-    sha256(path).map_err(|source| NnError::Io { path: path.to_owned(), source })
+    sha256(path).map_err(|reason| NnError::Io { path: path.to_owned(), reason })
 }
 
 fn name(path: &Path) -> String {

@@ -37,6 +37,7 @@ pub fn write_film(
     let _listed = Unfinished::list(work.path());
     let part = work.path().join(path.file_name().unwrap_or_default());
     encode(path, &part, options, draw, progress)?;
+    check_whole(path, &part, options.count)?;
     std::fs::rename(&part, path).map_err(|error| invalid(path, &error))
 }
 
@@ -61,14 +62,40 @@ fn encode(
     ffmpeg.finish(path)
 }
 
+/// Refuses a film that does not hold all pictures: ffmpeg may end well although the disk was full.
+fn check_whole(path: &Path, part: &Path, count: usize) -> Result<(), FrameError> {
+    let programs = Programs::default();
+    let mut probe = command(&programs.ffprobe, ["-v", "error", "-count_packets", "-select_streams", "v:0"]);
+    probe.args(["-show_entries", "stream=nb_read_packets", "-of", "csv=p=0"]).arg(file_argument(path, part)?);
+    let cannot = |error: &dyn std::fmt::Display| invalid(path, &format!("ffprobe cannot check it: {error}"));
+    let child =
+        ChildProcess::spawn(probe.stdin(Stdio::null()).stdout(Stdio::piped())).map_err(|error| cannot(&error))?;
+    let mut counted = String::new();
+    if let Some(mut stdout) = child.take_stdout() {
+        stdout.read_to_string(&mut counted).map_err(|error| cannot(&error))?;
+    }
+    let ended = child.wait().map_err(|error| cannot(&error))?;
+    let packets = counted.trim().trim_end_matches(',').parse::<usize>().unwrap_or_default();
+    if ended.success() && packets >= count {
+        return Ok(());
+    }
+    Err(invalid(path, &format!("it holds {packets} of {count} pictures; the disk may be full")))
+}
+
+/// A file as ffmpeg takes it, so that no name is taken for an option or an address.
+fn file_argument(path: &Path, part: &Path) -> Result<OsString, FrameError> {
+    let mut argument = OsString::from("file:");
+    argument.push(std::path::absolute(part).map_err(|source| FrameError::io(path, source))?);
+    Ok(argument)
+}
+
 fn start(path: &Path, part: &Path, options: &FilmOptions) -> Result<ChildProcess, FrameError> {
     let programs = Programs::default();
     let size = format!("{}x{}", options.size.0, options.size.1);
-    let mut command = command(&programs.ffmpeg, ["-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]);
+    let mut command =
+        command(&programs.ffmpeg, ["-v", "error", "-xerror", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]);
     command.args(["-s", &size, "-framerate", &options.fps.to_string(), "-i", "pipe:0"]);
-    let io = |source| FrameError::io(path, source);
-    let mut output = OsString::from("file:"); // so that no name is taken for an option or an address
-    output.push(std::path::absolute(part).map_err(io)?);
+    let output = file_argument(path, part)?;
     // Most players want even sides and half the colour.
     command.args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]).arg(output);
     ChildProcess::spawn(command.stdin(Stdio::piped()).stdout(Stdio::null())).map_err(|error| FrameError::Invalid {
@@ -92,6 +119,9 @@ impl Encoder {
         }
         match self.0.wait() {
             Ok(status) if status.success() => Ok(()),
+            Ok(status) if status.code().is_none() => {
+                Err(invalid(path, &format!("ffmpeg was ended from outside: {status}")))
+            }
             _ => Err(invalid(path, &said.lines().last().unwrap_or("ffmpeg ended early"))),
         }
     }

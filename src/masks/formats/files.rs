@@ -71,7 +71,7 @@ pub(in crate::masks) fn in_parallel<T: Sync, R: Send>(
 }
 
 /// Makes a failure a value, so that work on other items goes on; a stop remains an error.
-pub(super) fn unless_stopped<R>(result: Result<R, MaskError>) -> Result<Result<R, MaskError>, MaskError> {
+pub(in crate::masks) fn unless_stopped<R>(result: Result<R, MaskError>) -> Result<Result<R, MaskError>, MaskError> {
     match result {
         Err(error @ MaskError::Stopped(_)) => Err(error),
         result => Ok(result),
@@ -88,7 +88,7 @@ pub(super) fn read_text(path: &Path) -> Result<String, MaskError> {
 
 /// Names a file in an error of the system.
 pub(super) fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> MaskError + '_ {
-    move |source| MaskError::Io { path: path.to_path_buf(), source }
+    move |reason| MaskError::Io { path: path.to_path_buf(), reason }
 }
 
 /// An error about a file's content.

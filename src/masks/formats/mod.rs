@@ -23,7 +23,7 @@ mod yolo_names;
 pub(super) use davis::ids_in;
 pub use davis::{encode_palette_png, read_palette_png, read_palette_png_of};
 pub use exchange::{Imported, MaskFormat, MaskFrame, export_masks, import_masks};
-pub(super) use files::{FoundFile, in_parallel, list_files};
+pub(super) use files::{FoundFile, in_parallel, list_files, unless_stopped};
 pub(super) use frame_names::NameIndex;
 pub use frame_names::file_stems;
 pub(super) use grey_kinds::{White, is_black_and_white, meaning_of_white, white_as_one};

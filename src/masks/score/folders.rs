@@ -3,11 +3,11 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::table::{FramePair, MaskScore, score_pairs};
+use super::table::{FramePair, MaskScore, misfit, score_pairs};
 use crate::engine::job::Progress;
 use crate::masks::formats::{
     FoundFile, NameIndex, PngValues, Skipped, White, ids_in, ids_of_colors, in_parallel, is_black_and_white,
-    list_files, listed_labels, meaning_of_white, reconcile_cut_outs, white_as_one,
+    list_files, listed_labels, meaning_of_white, reconcile_cut_outs, unless_stopped, white_as_one,
 };
 use crate::masks::{LabelId, LabelTree, MaskError, RunMask};
 
@@ -35,11 +35,12 @@ struct Folder {
 /// grey values of up to 16 bits, or the colours that a `labels.json` in the folder lists. The labels scored are those
 /// in the truth. A truth whose only value besides 0 is 255 (and which lists no label 255) means label 1; so does such a
 /// result, unless 255 is a label of the truth. Next to smaller ids 255 means void. A true mask without result counts as
-/// an empty result.
+/// an empty result, and so does a result of another size. Files that cannot be read are left out, with a warning.
 ///
 /// # Errors
-/// [`MaskError::Io`], [`MaskError::Invalid`] for a damaged file, a folder without masks, names of which none match;
-/// [`MaskError::Request`] for masks of different sizes or a level without `labels.json`; [`MaskError::Stopped`].
+/// [`MaskError::Io`], [`MaskError::Invalid`] for a folder without masks that can be read, names of which none match;
+/// [`MaskError::Request`] where no result has the size of its true mask, or for a level without `labels.json`;
+/// [`MaskError::Stopped`].
 pub fn score_masks(
     truth_dir: &Path,
     result_dir: &Path,
@@ -83,20 +84,37 @@ pub fn score_masks(
 
 impl Folder {
     fn read(dir: &Path, progress: &Progress) -> Result<Self, MaskError> {
-        let files = list_files(dir, &["png"])?;
-        if files.is_empty() {
+        let found = list_files(dir, &["png"])?;
+        if found.is_empty() {
             let what = "holds no PNG; give the folder of the masks".into();
             return Err(MaskError::Invalid { path: dir.to_path_buf(), what });
         }
         let listed = listed_labels(dir)?;
         let tree = listed.tree;
         let colors = tree.as_ref().map(ids_of_colors);
-        let mut read = in_parallel(&files, progress, |file| {
+        let read_file = |file: &FoundFile| -> Result<_, MaskError> {
             let read = PngValues::read(&file.path, None)?.into_ids(&file.path, colors.as_ref())?;
             Ok((RunMask::encode(&read.mask), read.how))
-        })?;
+        };
+        let results = in_parallel(&found, progress, |file| unless_stopped(read_file(file)))?;
+        let (mut skipped, mut first_error) = (Skipped::default(), None);
+        let (mut files, mut read) = (Vec::new(), Vec::new());
+        for (file, result) in found.into_iter().zip(results) {
+            match result {
+                Ok(one) => {
+                    files.push(file);
+                    read.push(one);
+                }
+                Err(error) => {
+                    skipped.add_unreadable(&error);
+                    first_error.get_or_insert(error);
+                }
+            }
+        }
+        if let Some(error) = first_error.filter(|_| files.is_empty()) {
+            return Err(error);
+        }
         reconcile_cut_outs(read.iter_mut().map(|(mask, how)| (mask, how)));
-        let mut skipped = Skipped::default();
         for (file, (_, how)) in files.iter().zip(&read) {
             for what in how.warnings() {
                 skipped.add(what, file.path.display().to_string());
@@ -170,9 +188,21 @@ fn pairs(
     let mut has_result = vec![false; pairs.len()];
     let masks: BTreeMap<&Path, &RunMask> =
         result.files.iter().map(|file| file.path.as_path()).zip(&result.masks).collect();
+    let (count, mut misfits) = (matched.pairs.len(), Vec::new());
     for (frame, file) in matched.pairs {
-        pairs[frame].result.clone_from(masks[file.path.as_path()]);
+        let (mask, pair) = (masks[file.path.as_path()], &mut pairs[frame]);
         has_result[frame] = true;
+        if (mask.width, mask.height) == (pair.truth.width, pair.truth.height) {
+            pair.result.clone_from(mask);
+        } else {
+            misfits.push(misfit(pair, mask));
+        }
+    }
+    if let Some(first) = misfits.first() {
+        if misfits.len() == count {
+            return Err(MaskError::Request(first.clone()));
+        }
+        warnings.push(format!("{} results have another size and count as empty (first: {first})", misfits.len()));
     }
     let missing: Vec<&str> =
         pairs.iter().zip(has_result).filter(|(_, has)| !has).map(|(pair, _)| pair.name.as_str()).collect();
@@ -288,6 +318,46 @@ mod tests {
         assert_eq!(coarse.labels[0].name.as_deref(), Some("rice"));
         let error = score(&truth, &result, &LabelTree::default(), level(Some(1))).unwrap_err().to_string();
         assert!(error.contains("labels.json"), "{error}");
+    }
+
+    #[test]
+    fn files_that_cannot_be_read_are_left_out_and_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let (truth, result) = (dir.path().join("truth"), dir.path().join("result"));
+        let masks = [("a", FULL), ("b", FULL), ("c", FULL)];
+        write(&truth, &masks, &LabelTree::default());
+        write(&result, &masks, &LabelTree::default());
+        let score = || score_masks(&truth, &result, &ScoreOptions::default(), &Progress::default());
+        for path in [truth.join("a.png"), result.join("b.png")] {
+            let whole = std::fs::read(&path).unwrap();
+            std::fs::write(&path, &whole[..20]).unwrap();
+        }
+        let found = score().unwrap();
+        assert!(found.frames == 2 && (found.j - 0.5).abs() < 1e-12, "a result that is damaged is empty: {found:?}");
+        let said = found.warnings.join("; ");
+        assert!(said.contains("a.png") && said.contains("b.png") && said.contains("count as empty"), "{said}");
+        for name in ["a.png", "c.png"] {
+            std::fs::write(result.join(name), "").unwrap();
+        }
+        assert!(score().unwrap_err().to_string().contains("a.png"), "the first of them, where none can be read");
+    }
+
+    #[test]
+    fn results_of_another_size_count_as_empty() {
+        let dir = tempfile::tempdir().unwrap();
+        let (truth, result) = (dir.path().join("truth"), dir.path().join("result"));
+        let masks = [("a", FULL), ("b", FULL)];
+        write(&truth, &masks, &LabelTree::default());
+        write(&result, &masks, &LabelTree::default());
+        let shrink = |name: &str| {
+            image::GrayImage::from_pixel(2, 2, image::Luma([1])).save(result.join(name)).unwrap();
+            score_masks(&truth, &result, &ScoreOptions::default(), &Progress::default())
+        };
+        let found = shrink("b.png").unwrap();
+        assert!(found.frames == 2 && (found.j - 0.5).abs() < 1e-12, "{found:?}");
+        assert!(found.warnings.len() == 1 && found.warnings[0].contains("b: the result is 2×2"), "{found:?}");
+        let error = shrink("a.png").unwrap_err().to_string();
+        assert!(error.contains("a: the result is 2×2") && error.contains("4×3"), "where none fits: {error}");
     }
 
     #[test]

@@ -89,16 +89,21 @@ pub fn score_pairs(
 fn score_frame(pair: &FramePair, labels: &BTreeSet<LabelId>) -> Result<Vec<FrameScore>, MaskError> {
     let (truth, result) = (&pair.truth, &pair.result);
     if (truth.width, truth.height) != (result.width, result.height) {
-        return Err(MaskError::Request(format!(
-            "{}: the result is {}×{} pixels, the true mask {}×{}; save the result at the frame's size",
-            pair.name, result.width, result.height, truth.width, truth.height
-        )));
+        return Err(MaskError::Request(misfit(pair, result)));
     }
     let score = |&id: &LabelId| {
         let (truth, result) = (truth.region(id), result.region(id));
         FrameScore { frame: pair.name.clone(), j: truth.iou(&result), f: boundary_f(&truth, &result) }
     };
     Ok(labels.par_iter().map(score).collect())
+}
+
+/// What to say of a result that has another size than the true mask of its frame.
+pub(super) fn misfit(FramePair { name, truth, .. }: &FramePair, result: &RunMask) -> String {
+    format!(
+        "{name}: the result is {}×{} pixels, the true mask {}×{}; save the result at the frame's size",
+        result.width, result.height, truth.width, truth.height
+    )
 }
 
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {

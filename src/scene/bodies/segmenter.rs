@@ -13,8 +13,12 @@ const MOST_VIEWS: usize = 16;
 /// With fewer frames that see the same, space says too little.
 const LEAST_VIEWS: usize = 3;
 
+/// Numbers of frames, and what they show.
+type Seen = (Vec<usize>, Vec<(Viewpoint, Arc<Image>)>);
+
 /// The segmenter `geometry`: takes what hangs together in space, over all frames around the clicked one, by clicks on one
-/// frame with depth and camera. What is thin, boxes, and frames without others around them are left to another segmenter.
+/// frame with depth and camera. What is thin, boxes, and frames without others around them are left to another segmenter;
+/// frames that cannot be read do not count.
 pub struct GeometrySegmenter {
     frames: Arc<Vec<Frame>>,
     store: Arc<FrameStore>,
@@ -36,15 +40,22 @@ impl GeometrySegmenter {
         Arc::ptr_eq(&self.frames, frames)
     }
 
-    /// A frame and those that see the same, the frame first; `None` where there are too few.
-    fn views_of(&self, views: &Views<'_>, frame: usize) -> Result<Option<Vec<usize>>, MaskError> {
+    /// A frame and those that see the same, the frame first, with their numbers; `None` where too few can be read.
+    fn views_of(&self, views: &Views<'_>, frame: usize) -> Result<Option<Seen>, MaskError> {
         if views.stand(frame).is_none() {
             return Ok(None);
         }
         let others = views.stands().filter(|&(other, _)| other != frame);
-        let around = fillers_for(&views.load(frame)?, others, MOST_VIEWS);
-        let all: Vec<usize> = std::iter::once(frame).chain(around).collect();
-        Ok(Some(all).filter(|all| all.len() >= LEAST_VIEWS))
+        let (Some(own), Some(image)) = (views.load(frame)?, views.image(frame)?) else { return Ok(None) };
+        let around = fillers_for(&own, others, MOST_VIEWS);
+        let (mut numbers, mut loaded) = (vec![frame], vec![(own, image)]);
+        for other in around {
+            if let (Some(view), Some(image)) = (views.load(other)?, views.image(other)?) {
+                numbers.push(other);
+                loaded.push((view, image));
+            }
+        }
+        Ok((loaded.len() >= LEAST_VIEWS).then_some((numbers, loaded)))
     }
 
     /// The surfaces around a frame: those made last where they are of this frame too.
@@ -70,9 +81,7 @@ impl GeometrySegmenter {
         progress: &Progress,
     ) -> Result<Option<FrameBodies>, SceneError> {
         let views = Views::new(&self.frames, &self.store);
-        let Some(of) = self.views_of(&views, frame)? else { return Ok(None) };
-        let load = |&frame: &usize| Ok((views.load(frame)?, views.image(frame)?));
-        let loaded: Vec<(Viewpoint, Arc<Image>)> = of.iter().map(load).collect::<Result<_, MaskError>>()?;
+        let Some((of, loaded)) = self.views_of(&views, frame)? else { return Ok(None) };
         let surfaces = self.surfaces(&of, &loaded, progress)?;
         FrameBodies::new(surfaces, &loaded, Arc::clone(picture), progress).map(Some)
     }

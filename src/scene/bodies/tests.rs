@@ -1,13 +1,15 @@
+use std::path::Path;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
 use super::frame::FrameBodies;
+use super::segmenter::GeometrySegmenter;
 use super::surfaces::Surfaces;
 use crate::engine::job::Progress;
-use crate::frames::{DepthMap, Image};
+use crate::frames::{DepthMap, DepthSource, Frame, FrameCamera, FrameStore, Image, Orientation, PictureSource};
 use crate::geometry::{Camera, Pose};
-use crate::masks::{Click, MaskError, PreparedFrame, Prompt, Region, SegmentRequest};
+use crate::masks::{Click, MaskError, PreparedFrame, Prompt, Region, SegmentRequest, Segmenter};
 use crate::scene::carry::{Stand, Viewpoint, rays_of};
 
 const SIZE: (u32, u32) = (160, 120);
@@ -26,6 +28,21 @@ impl PreparedFrame for Pixels {
 
     fn bytes(&self) -> usize {
         0
+    }
+}
+
+impl Segmenter for Pixels {
+    fn name(&self) -> &'static str {
+        "pixels"
+    }
+
+    fn prepare(
+        &self,
+        _image: &Arc<Image>,
+        _depth: Option<&Arc<DepthMap>>,
+        _progress: &Progress,
+    ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
+        Ok(Arc::new(Self))
     }
 }
 
@@ -79,6 +96,26 @@ fn view(aside: f64) -> (Viewpoint, Arc<Image>, Vec<u8>) {
     (Viewpoint { stand, depth: Arc::new(depth), rays: Arc::new(rays) }, Arc::new(image), ids)
 }
 
+/// A view as files.
+fn recorded(folder: &Path, number: usize, aside: f64) -> Frame {
+    let (view, shown, _) = view(aside);
+    let [picture, depth] = ["c", "d"].map(|kind| folder.join(format!("{kind}{number}.png")));
+    let colors = shown.pixels.as_flattened().to_vec();
+    image::RgbImage::from_raw(SIZE.0, SIZE.1, colors).unwrap().save(&picture).unwrap();
+    let steps = view.depth.depths.iter().map(|depth| (depth * 1e4).round() as u16).collect();
+    let steps = image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_raw(SIZE.0, SIZE.1, steps).unwrap();
+    steps.save(&depth).unwrap();
+    let orientation = Orientation::default();
+    Frame {
+        name: format!("c{number}.png"),
+        width: SIZE.0,
+        height: SIZE.1,
+        picture: PictureSource::File { path: picture, orientation },
+        depth: Some(DepthSource::Sensor { path: depth, unit: 1e-4, orientation, camera: None }),
+        camera: Some(FrameCamera::given(view.stand.camera, Some(view.stand.camera_from_world))),
+    }
+}
+
 fn frame() -> (FrameBodies, Vec<u8>) {
     frame_over(Arc::new(Pixels))
 }
@@ -101,7 +138,7 @@ fn click(region: &Region, include: bool) -> Click {
     Click { at_px: DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5), include }
 }
 
-fn segment(frame: &FrameBodies, clicks: &[Click], previous: Option<&Region>, taken: Option<&Region>) -> Region {
+fn segment(frame: &dyn PreparedFrame, clicks: &[Click], previous: Option<&Region>, taken: Option<&Region>) -> Region {
     let prompt = Prompt { clicks: clicks.to_vec(), ..Prompt::default() };
     frame.segment(&SegmentRequest { prompt: &prompt, previous, taken }, &Progress::default()).unwrap()
 }
@@ -114,6 +151,28 @@ fn one_click_takes_a_box_and_leaves_the_table() {
         let found = segment(&frame, &[click(&truth, true)], None, None);
         assert!(found.iou(&truth) > 0.85, "thing {id}: {}", found.iou(&truth));
     }
+}
+
+#[test]
+fn frames_that_cannot_be_read_do_not_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let asides = [0.0, -0.25, -0.12, 0.12, 0.25, 0.06, -0.18].into_iter().enumerate();
+    let frames: Vec<Frame> = asides.map(|(number, aside)| recorded(folder.path(), number, aside)).collect();
+    let (_, image, ids) = view(0.0);
+    let truth = region_of(&ids, 2);
+    let answer = || {
+        let store = Arc::new(FrameStore::new(16 << 20));
+        let segmenter = GeometrySegmenter::new(Arc::new(frames.clone()), store, Arc::new(Pixels));
+        let prepared = segmenter.prepare_frame(&frames[0], &image, None, &Progress::default()).unwrap();
+        segment(&*prepared, &[click(&truth, true)], None, None)
+    };
+    for name in ["c5.png", "d6.png"] {
+        std::fs::write(folder.path().join(name), "").unwrap();
+    }
+    let found = answer();
+    assert!(found.iou(&truth) > 0.8, "without two neighbours: {}", found.iou(&truth));
+    std::fs::write(folder.path().join("d0.png"), "").unwrap();
+    assert_eq!(answer().area(), 1, "without its own depth the picture answers");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Masks carried through geometry: the `geometry` tracker for frames with depth and cameras.
 //!
-//! May use: masks, frames, geometry, engine::job. Must not touch: files, Project, UI.
+//! May use: scene::fuse (how frames are named), masks, frames, geometry, engine::job. Must not touch: files, Project, UI.
 
 mod anchor;
 mod bleed;

@@ -40,15 +40,15 @@ impl<'a> ReadyAnchors<'a> {
         Self { views, options, slots: Mutex::default() }
     }
 
-    /// The anchor, made ready now if it is not.
-    pub fn get(&self, given: &GivenAnchor<'_>, progress: &Progress) -> Result<Arc<Anchor>, MaskError> {
+    /// The anchor, made ready now if it is not; `None` where its depth cannot be read.
+    pub fn get(&self, given: &GivenAnchor<'_>, progress: &Progress) -> Result<Option<Arc<Anchor>>, MaskError> {
         let slot = self.slot(given.frame, given.mask.ids.len());
         let mut slot = lock(&slot);
         if let Some(anchor) = &*slot {
-            return Ok(anchor.clone());
+            return Ok(Some(anchor.clone()));
         }
-        let anchor = Arc::new(self.make(given, progress)?);
-        *slot = Some(anchor.clone());
+        let anchor = self.make(given, progress)?.map(Arc::new);
+        slot.clone_from(&anchor);
         Ok(anchor)
     }
 
@@ -67,20 +67,23 @@ impl<'a> ReadyAnchors<'a> {
         of_frame.entry(frame).or_default().clone()
     }
 
-    /// Fills the holes in the anchor's depth from other frames, and where what lies behind its labels shines through.
-    fn make(&self, given: &GivenAnchor<'_>, progress: &Progress) -> Result<Anchor, MaskError> {
-        let seen = self.views.load(given.frame)?;
+    /// Fills the holes in the anchor's depth from other frames that can be read, and where what lies behind its labels
+    /// shines through.
+    fn make(&self, given: &GivenAnchor<'_>, progress: &Progress) -> Result<Option<Anchor>, MaskError> {
+        let Some(seen) = self.views.load(given.frame)? else { return Ok(None) };
         let tolerance = Tolerance::most(&seen, self.options);
         let bleeding = Bleeding::find(&seen, given.mask, tolerance);
         let own = Viewpoint { depth: Arc::new(bleeding.stanched(&seen.depth)), ..seen };
         let mut completion = Completion::new(&own, tolerance);
         let others = self.views.stands().filter(|&(frame, _)| frame != given.frame);
         for filler in fillers_for(&own, others, self.options.fillers) {
-            completion.add(&self.views.load(filler)?, progress)?;
+            if let Some(filler) = self.views.load(filler)? {
+                completion.add(&filler, progress)?;
+            }
         }
         let mut filled = completion.finish();
         bleeding.check(&mut filled);
-        Ok(Anchor::new(own, filled, given.mask.clone(), self.options))
+        Ok(Some(Anchor::new(own, filled, given.mask.clone(), self.options)))
     }
 }
 

@@ -6,14 +6,13 @@ use super::options::CarryOptions;
 use super::views::Views;
 use super::witnesses::Witnesses;
 use crate::engine::job::Progress;
-use crate::masks::{MaskError, TrackRequest, TrackedFrame};
-
-/// Names listed in a message.
-const NAMED: usize = 4;
+use crate::masks::{MaskError, TrackRequest, TrackedFrame, WalkedFrame};
+use crate::scene::fuse::naming;
 
 /// One run of the tracker over a request.
 pub struct Run<'a> {
     request: &'a TrackRequest,
+    views: &'a Views<'a>,
     progress: &'a Progress,
     witnesses: Witnesses<'a>,
     /// Frames to carry to.
@@ -46,46 +45,58 @@ impl<'a> Run<'a> {
             )));
         }
         let done = AtomicUsize::new(0);
-        Ok(Self { request, progress, witnesses, targets, left_out, done })
+        Ok(Self { request, views, progress, witnesses, targets, left_out, done })
     }
 
-    /// Carries to all targets, handing them on in order; what was finished is handed on even if a later one fails.
-    pub fn carry_all(&self, emit: &mut dyn FnMut(TrackedFrame)) -> Result<(), MaskError> {
+    /// Carries to all targets, handing them on in order; what was finished is handed on even if a later one fails. Gives the
+    /// targets that nothing could be carried to: they, or all anchors that could tell of them, cannot be read.
+    ///
+    /// # Errors
+    /// What reading says where nothing could be carried to any target; [`MaskError::Stopped`].
+    pub fn carry_all(&self, emit: &mut dyn FnMut(TrackedFrame)) -> Result<Vec<usize>, MaskError> {
+        let mut missed = Vec::new();
         for chunk in self.targets.chunks(4 * rayon::current_num_threads()) {
-            let answers: Vec<Result<TrackedFrame, MaskError>> =
+            let answers: Vec<Result<Option<TrackedFrame>, MaskError>> =
                 chunk.par_iter().map(|&frame| self.carry_to(frame)).collect();
             let mut failed = None;
-            for answer in answers {
+            for (&frame, answer) in chunk.iter().zip(answers) {
                 match answer {
-                    Ok(tracked) => emit(tracked),
+                    Ok(Some(tracked)) => emit(tracked),
+                    Ok(None) => missed.push(frame),
                     Err(error) => failed = failed.or(Some(error)),
                 }
             }
             failed.map_or(Ok(()), Err)?;
         }
-        Ok(())
-    }
-
-    /// One line that names the frames which were left out.
-    pub fn warnings(&self) -> Vec<String> {
-        let Some((first, rest)) = self.left_out.split_at_checked(NAMED.min(self.left_out.len())) else {
-            return Vec::new();
-        };
-        if first.is_empty() {
-            return Vec::new();
+        match (missed.len() == self.targets.len()).then(|| self.views.failure()).flatten() {
+            Some(error) => Err(error),
+            None => Ok(missed),
         }
-        let names: Vec<&str> = first.iter().map(|&frame| self.request.frames[frame].name.as_str()).collect();
-        let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
-        let names = names.join(", ");
-        vec![format!("{} frames were left out for want of depth or a camera: {names}{more}", self.left_out.len())]
     }
 
-    fn carry_to(&self, frame: usize) -> Result<TrackedFrame, MaskError> {
-        let told = self.witnesses.tell_of(frame, self.progress)?;
-        let (mask, confidence) = self.witnesses.carry_to(frame, &told, self.progress)?;
+    /// Lines that name the frames which were left out, those that cannot be read, and the `missed` ones that could be read.
+    pub fn warnings(&self, missed: &[usize]) -> Vec<String> {
+        let name = |&frame: &usize| self.request.frames[frame].name.as_str();
+        let left_out: Vec<&str> = self.left_out.iter().map(name).collect();
+        let silent: Vec<&str> = missed.iter().filter(|&&frame| !self.views.is_unread(frame)).map(name).collect();
+        let lines = [
+            naming("were left out for want of depth or a camera", &left_out),
+            self.views.warning(),
+            naming("got no mask, as no frame that shows the same and has a mask can be read", &silent),
+        ];
+        lines.into_iter().flatten().collect()
+    }
+
+    /// `None` where the frame, or all anchors that could tell of it, cannot be read.
+    fn carry_to(&self, frame: usize) -> Result<Option<TrackedFrame>, MaskError> {
+        let carried = match self.witnesses.tell_of(frame, self.progress)? {
+            Some(told) => self.witnesses.carry_to(frame, &told, self.progress)?,
+            None => None,
+        };
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         self.progress.step(done, self.targets.len())?;
-        Ok(TrackedFrame { frame, mask, confidence, preliminary: false })
+        let tracked = |WalkedFrame { mask, confidence }| TrackedFrame { frame, mask, confidence, preliminary: false };
+        Ok(carried.map(tracked))
     }
 }
 

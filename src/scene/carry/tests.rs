@@ -233,6 +233,27 @@ fn frames_without_depth_or_camera_are_named_and_left_out() {
 }
 
 #[test]
+fn frames_that_cannot_be_read_are_named_in_one_line_and_left_out() {
+    let room = Room::plain(&[0.0, 0.05, 0.1, 0.15, 0.2, 0.25]);
+    let depth = |k: usize| room.frames[k].depth.as_ref().unwrap().sensor_path().unwrap();
+    // The depth of a target that fills holes too, the picture of a target, the depth of an anchor.
+    for path in [depth(1), room.frames[3].picture.path(), depth(5)] {
+        std::fs::write(path, "").unwrap();
+    }
+    let request = || room.request([0, 5].map(|k| (k, room.truth[k].clone())));
+    let (tracked, warnings) = track(&request()).unwrap();
+    assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), [2, 4]);
+    for (&k, frame) in &tracked {
+        let iou = iou(&frame.mask, &room.truth[k], BOX);
+        assert!(iou > 0.9, "frame {k}: {iou}");
+    }
+    assert!(warnings.len() == 1 && warnings[0].starts_with("3 frames cannot be read"), "{warnings:?}");
+    assert!(warnings[0].ends_with("c1.png, c3.png, c5.png"), "{warnings:?}");
+    std::fs::write(depth(0), "").unwrap();
+    assert!(refused(&request()).contains("d0.png"), "no mask is left that could be carried");
+}
+
+#[test]
 fn impossible_requests_are_refused() {
     let room = Room::plain(&[0.0, 0.1]);
     assert!(refused(&room.request([])).contains("no frame has a mask"));

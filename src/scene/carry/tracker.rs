@@ -27,7 +27,7 @@ impl Tracker for GeometryTracker {
         progress.stage("track")?;
         let views = Views::new(&request.frames, &request.store);
         let run = Run::new(&self.options, request, &views, progress)?;
-        run.carry_all(emit)?;
-        Ok(run.warnings())
+        let missed = run.carry_all(emit)?;
+        Ok(run.warnings(&missed))
     }
 }

@@ -1,26 +1,31 @@
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use glam::Vec2;
 
 use super::viewpoint::{Stand, Viewpoint};
-use crate::frames::{Frame, FrameStore, Image};
+use crate::frames::{Frame, FrameError, FrameStore, Image};
 use crate::geometry::Camera;
 use crate::masks::MaskError;
+use crate::scene::fuse::naming;
 
 /// Tables of rays kept at once; frames of one camera share theirs.
 const TABLES: usize = 4;
 
-/// The frames of a request as viewpoints; pixels are loaded on demand.
+/// The frames of a request as viewpoints; pixels are loaded on demand. Frames whose image or depth cannot be read are
+/// noted.
 #[derive(Debug)]
 pub struct Views<'a> {
     frames: &'a [Frame],
     store: &'a FrameStore,
     tables: Mutex<Vec<(Camera, Arc<Vec<Vec2>>)>>,
+    /// What reading said of the frames that cannot be read.
+    unread: Mutex<BTreeMap<usize, FrameError>>,
 }
 
 impl<'a> Views<'a> {
     pub fn new(frames: &'a [Frame], store: &'a FrameStore) -> Self {
-        Self { frames, store, tables: Mutex::default() }
+        Self { frames, store, tables: Mutex::default(), unread: Mutex::default() }
     }
 
     /// Camera and pose of a frame that has depth too; `None` where one is missing.
@@ -36,10 +41,13 @@ impl<'a> Views<'a> {
         (0..self.frames.len()).filter_map(|frame| Some((frame, self.stand(frame)?)))
     }
 
-    /// A frame that has a [`Self::stand`], with its depth.
-    pub fn load(&self, frame: usize) -> Result<Viewpoint, MaskError> {
+    /// A frame that has a [`Self::stand`], with its depth; `None` where that cannot be read.
+    ///
+    /// # Errors
+    /// [`MaskError::Request`] where camera and picture differ in size; [`MaskError::Stopped`].
+    pub fn load(&self, frame: usize) -> Result<Option<Viewpoint>, MaskError> {
         let of = &self.frames[frame];
-        let depth = self.store.depth(of)?;
+        let Some(depth) = self.noted(frame, self.store.depth(of))? else { return Ok(None) };
         let (Some(stand), Some(depth)) = (self.stand(frame), depth) else {
             return Err(MaskError::Request(format!("{} has no depth or no camera", of.name)));
         };
@@ -48,11 +56,48 @@ impl<'a> Views<'a> {
             let text = format!("{}: picture {}x{}, camera or depth {width}x{height}", of.name, of.width, of.height);
             return Err(MaskError::Request(format!("{text}; give them in one size")));
         }
-        Ok(Viewpoint { stand, depth, rays: self.rays(&stand.camera) })
+        Ok(Some(Viewpoint { stand, depth, rays: self.rays(&stand.camera) }))
     }
 
-    pub fn image(&self, frame: usize) -> Result<Arc<Image>, MaskError> {
-        Ok(self.store.image(&self.frames[frame])?)
+    /// The picture of a frame; `None` where it cannot be read.
+    ///
+    /// # Errors
+    /// [`MaskError::Stopped`].
+    pub fn image(&self, frame: usize) -> Result<Option<Arc<Image>>, MaskError> {
+        self.noted(frame, self.store.image(&self.frames[frame]))
+    }
+
+    /// Whether a frame was found that cannot be read.
+    pub fn is_unread(&self, frame: usize) -> bool {
+        self.unread().contains_key(&frame)
+    }
+
+    /// The first of the frames that could not be read, as an error.
+    pub fn failure(&self) -> Option<MaskError> {
+        self.unread().pop_first().map(|(_, error)| error.into())
+    }
+
+    /// One line that names the frames which could not be read; `None` where there are none.
+    pub fn warning(&self) -> Option<String> {
+        let unread = self.unread();
+        let names: Vec<&str> = unread.keys().map(|&frame| self.frames[frame].name.as_str()).collect();
+        naming("cannot be read (image or depth) and were not used; check their files", &names)
+    }
+
+    /// What was read of a frame; where it cannot be, the frame is noted.
+    fn noted<T>(&self, frame: usize, read: Result<T, FrameError>) -> Result<Option<T>, MaskError> {
+        match read {
+            Err(FrameError::Stopped(stopped)) => Err(stopped.into()),
+            Err(error) => {
+                self.unread().entry(frame).or_insert(error);
+                Ok(None)
+            }
+            Ok(read) => Ok(Some(read)),
+        }
+    }
+
+    fn unread(&self) -> MutexGuard<'_, BTreeMap<usize, FrameError>> {
+        self.unread.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn rays(&self, camera: &Camera) -> Arc<Vec<Vec2>> {

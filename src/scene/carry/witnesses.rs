@@ -1,5 +1,3 @@
-use std::collections::BTreeMap;
-
 use super::anchor::labels_of;
 use super::choose::anchors_for;
 use super::decide::decide;
@@ -12,7 +10,7 @@ use super::viewpoint::Stand;
 use super::views::Views;
 use super::vote::Votes;
 use crate::engine::job::Progress;
-use crate::masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest};
+use crate::masks::{Direction, LabelId, MaskError, TrackRequest, WalkedFrame};
 
 /// The anchors of a request that have depth and a camera: what they show, they show of the scene.
 pub(in crate::scene) struct Witnesses<'a> {
@@ -54,38 +52,44 @@ impl<'a> Witnesses<'a> {
         self.reach(frame) && self.views.stand(frame).is_some()
     }
 
-    /// What they say of a frame, which has depth and a camera.
+    /// What they say of a frame, which has depth and a camera; `None` where its depth cannot be read, or that of none that
+    /// should be asked.
     ///
     /// # Errors
-    /// [`MaskError::Frame`] or [`MaskError::Request`] where a depth cannot be had; [`MaskError::Stopped`].
-    pub fn tell_of(&self, frame: usize, progress: &Progress) -> Result<Testimony, MaskError> {
-        let target = self.views.load(frame)?;
+    /// [`MaskError::Request`] where camera and picture differ in size; [`MaskError::Stopped`].
+    pub fn tell_of(&self, frame: usize, progress: &Progress) -> Result<Option<Testimony>, MaskError> {
+        let Some(target) = self.views.load(frame)? else { return Ok(None) };
         let mut votes = Votes { width: target.width(), height: target.height(), of_anchors: Vec::new() };
         let mut depths = target.depth.depths.clone();
         let allowed = |a: &&GivenAnchor<'_>| reaches(self.direction, a.frame, frame);
         let allowed: Vec<&GivenAnchor<'_>> = self.anchors.iter().filter(allowed).collect();
         let stands: Vec<(Stand, &[LabelId])> = allowed.iter().map(|a| (a.stand, a.labels.as_slice())).collect();
-        for place in anchors_for(&target, &stands, self.options.anchors) {
-            let anchor = self.ready.get(allowed[place], progress)?;
+        let chosen = anchors_for(&target, &stands, self.options.anchors);
+        for &place in &chosen {
+            let Some(anchor) = self.ready.get(allowed[place], progress)? else { continue };
             let tolerance = Tolerance::measured(&target, &anchor.view, self.options);
             let sightings = ask(&anchor, &target, &tolerance, &mut depths, self.options, progress)?;
             votes.of_anchors.push((anchor, sightings));
         }
-        Ok(Testimony { target, depths, votes })
+        let is_silent = votes.of_anchors.is_empty() && !chosen.is_empty();
+        Ok((!is_silent).then_some(Testimony { target, depths, votes }))
     }
 
     /// The mask of a frame by what they say of it, along what its picture and depth show; with how sure each label is, 0–1.
+    /// `None` where the picture cannot be read.
     ///
     /// # Errors
-    /// [`MaskError::Frame`] where the picture cannot be read; [`MaskError::Stopped`].
+    /// [`MaskError::Stopped`].
     pub fn carry_to(
         &self,
         frame: usize,
         told: &Testimony,
         progress: &Progress,
-    ) -> Result<(LabelMask, BTreeMap<LabelId, f32>), MaskError> {
-        let image = self.views.image(frame)?;
-        Ok(decide(&told.votes, (&told.target, &told.depths), &image, self.options, progress)?)
+    ) -> Result<Option<WalkedFrame>, MaskError> {
+        let Some(image) = self.views.image(frame)? else { return Ok(None) };
+        let seen = (&told.target, told.depths.as_slice());
+        let (mask, confidence) = decide(&told.votes, seen, &image, self.options, progress)?;
+        Ok(Some(WalkedFrame { mask, confidence }))
     }
 }
 

@@ -9,7 +9,7 @@ use crate::scene::carry::{Testimony, Witnesses};
 /// What anchors say of the frames of a walk, asked for a few frames at once: one for each thread.
 pub struct Ahead<'a> {
     witnesses: &'a Witnesses<'a>,
-    ready: BTreeMap<usize, Result<Testimony, MaskError>>,
+    ready: BTreeMap<usize, Result<Option<Testimony>, MaskError>>,
 }
 
 impl<'a> Ahead<'a> {
@@ -17,7 +17,8 @@ impl<'a> Ahead<'a> {
         Self { witnesses, ready: BTreeMap::new() }
     }
 
-    /// What they say of a frame, with the frames that will be asked for next; `None` where they cannot be asked.
+    /// What they say of a frame, with the frames that will be asked for next; `None` where they cannot be asked
+    /// or it cannot be read.
     ///
     /// # Errors
     /// As [`Witnesses::tell_of`].
@@ -36,6 +37,6 @@ impl<'a> Ahead<'a> {
             let told = frames.into_par_iter().map(|frame| (frame, self.witnesses.tell_of(frame, progress)));
             self.ready = told.collect();
         }
-        self.ready.remove(&frame).transpose()
+        Ok(self.ready.remove(&frame).transpose()?.flatten())
     }
 }

@@ -33,7 +33,7 @@ pub fn hold(
     tracked: WalkedFrame,
     testimony: &Testimony,
     options: &ConstrainOptions,
-    carried: impl FnOnce() -> Result<LabelMask, MaskError>,
+    carried: impl FnOnce() -> Result<Option<LabelMask>, MaskError>,
 ) -> Result<Held, MaskError> {
     let sighted = judge(testimony, &tracked.mask, options);
     let found = Contradictions::find(&tracked.mask, &sighted, options);
@@ -45,8 +45,10 @@ pub fn hold(
         *id = given.unwrap_or(*id);
     }
     spread(&mut mask, &tracked.mask, &sighted, &found, options);
-    if !found.strayed.is_empty() {
-        complete(&mut mask, &carried()?, &sighted, &found);
+    if !found.strayed.is_empty()
+        && let Some(carried) = carried()?
+    {
+        complete(&mut mask, &carried, &sighted, &found);
     }
     let mended = mask.ids.iter().zip(&tracked.mask.ids).filter(|(now, before)| now != before).count();
     let confidence = confidence(&mask, &sighted, &found.touched, tracked.confidence);

@@ -38,7 +38,9 @@ impl Tracker for ConstrainedTracker {
         let witnesses = Witnesses::new(&self.options.carry, &carried, &views);
         check(request, &witnesses)?;
         let geometry = (&witnesses, &self.options);
-        Run { tracker: &*self.tracker, request, geometry, progress }.track(emit)
+        let mut lines = Run { tracker: &*self.tracker, request, geometry, progress }.track(emit)?;
+        lines.extend(views.warning());
+        Ok(lines)
     }
 }
 

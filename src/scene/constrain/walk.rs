@@ -127,7 +127,10 @@ impl<'a> Walk<'a> {
         let (tracked, steps) = (WalkedFrame { mask, confidence }, self.steps(frame));
         let held = match self.testimony(frame, account)? {
             Some(testimony) => {
-                let carried = || Ok(self.witnesses.carry_to(frame, &testimony, self.progress)?.0);
+                let carried = || {
+                    let carried = self.witnesses.carry_to(frame, &testimony, self.progress)?;
+                    Ok(carried.map(|carried| carried.mask))
+                };
                 let held = hold(tracked, &testimony, self.options, carried)?;
                 account.note(frame, held.mended);
                 held

@@ -22,15 +22,23 @@ pub fn save_origin(path: &Path, origin: DVec3) -> Result<Option<String>, SceneEr
         return Ok(None);
     }
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-    let is_global = matches!(ending.as_str(), "las" | "laz" | "npz");
+    let (is_global, positions) = match ending.as_str() {
+        "las" | "laz" | "npz" => (true, "global"),
+        "glb" => (
+            false,
+            "relative to the origin, in the axes that the meshes have below the root node (x right, y down, z forward): \
+             add it there for global coordinates",
+        ),
+        "vox" => (false, "whole voxels, without their place in the world; NPZ holds it"),
+        _ => (false, "relative to the origin: add it for global coordinates"),
+    };
     let beside = origin_path(path);
-    let positions = if is_global { "global" } else { "relative to the origin: add it for global coordinates" };
     let value = serde_json::json!({ "origin": origin.to_array(), "positions": positions });
     write_whole(&beside, |out| writeln!(out, "{value:#}").map_err(unplaced))?;
     let DVec3 { x, y, z } = origin;
     Ok((!is_global).then(|| {
         format!(
-            "{}: positions are relative to the origin {x} {y} {z}, which {} names; add it for global coordinates",
+            "{}: the origin is {x} {y} {z}, as {} says; positions are {positions}",
             path.display(),
             beside.display()
         )

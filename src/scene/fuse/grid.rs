@@ -1,14 +1,12 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
 
 use super::layers::merge_layers;
 use super::lift::{Lift, LiftCount};
+use super::voxel_map::{SHARDS, VoxelMap};
 use crate::engine::job::{Progress, Stopped};
 use crate::scene::morton;
 
-/// Parts of the grid that are filled side by side.
-const SHARDS: usize = 32;
 /// Rows of a picture that one task lifts.
 const BLOCK_ROWS: u32 = 16;
 /// Steps into which a voxel's edge is cut for summing positions.
@@ -28,7 +26,7 @@ pub(super) const AXIS_SHIFTS: [u32; 3] = [42, 21, 0];
 pub(super) struct Grid {
     origin: DVec3,
     voxel: f64,
-    shards: Vec<FxHashMap<u64, Voxel>>,
+    shards: Vec<VoxelMap>,
     blocks: Vec<Block>,
     frames: u32,
 }
@@ -105,15 +103,10 @@ pub(super) fn cell_key(index: [i32; 3]) -> u64 {
     index.iter().fold(0, |key, &i| key << 21 | (i + REACH) as u64)
 }
 
-/// The shard that a voxel is kept in.
-pub(super) fn shard_of(key: u64) -> usize {
-    (key.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 59) as usize % SHARDS
-}
-
 impl Grid {
     /// An empty grid of voxels with edge `voxel`, counted from the point `near`.
     pub(super) fn new(near: DVec3, voxel: f64) -> Self {
-        let shards = (0..SHARDS).map(|_| FxHashMap::default()).collect();
+        let shards = (0..SHARDS).map(|_| VoxelMap::default()).collect();
         Self { origin: (near / voxel).floor() * voxel, voxel, shards, blocks: Vec::new(), frames: 0 }
     }
 
@@ -150,7 +143,7 @@ impl Grid {
 
     /// Number of voxels that hold samples.
     pub(super) fn voxels(&self) -> usize {
-        self.shards.iter().map(FxHashMap::len).sum()
+        self.shards.iter().map(VoxelMap::len).sum()
     }
 
     /// The mean of each voxel that at least `min_views` frames measured; with `one_layer` one for each place of a surface.
@@ -190,7 +183,7 @@ impl Grid {
 }
 
 /// Adds one block's samples; runs in the same voxel are summed before the voxel is looked up.
-fn add_samples(voxels: &mut FxHashMap<u64, Voxel>, samples: &[Sample], frame: u32) {
+fn add_samples(voxels: &mut VoxelMap, samples: &[Sample], frame: u32) {
     for run in samples.chunk_by(|a, b| a.key == b.key) {
         let voxel = voxels.entry(run[0].key).or_default();
         for sample in run {

@@ -1,8 +1,8 @@
 use glam::Vec3;
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
 
-use super::grid::{AXIS_SHIFTS, FRACTION, Voxel, shard_of};
+use super::grid::{AXIS_SHIFTS, FRACTION, Voxel};
+use super::voxel_map::{VoxelMap, shard_of};
 use crate::engine::job::{Progress, Stopped};
 
 /// Cosine between the normals of two voxels from which they can be one surface: the other side of a leaf is another one.
@@ -14,14 +14,14 @@ const ALONG_NORMAL: f32 = 0.5;
 const ONE_SURFACE: f32 = 1.0;
 
 /// Voxels by key, in parts that are filled in parallel.
-type Shards = [FxHashMap<u64, Voxel>];
+type Shards = [VoxelMap];
 
 /// Gives the samples of a voxel to the neighbour before or behind it that has more, where both are the same surface: noise of
 /// depths and poses, and a surface along the border of two voxels, would otherwise make two points of one. Returns how many
 /// voxels went. What is decided depends on the sums alone, not on any order.
 pub(super) fn merge_layers(shards: &mut Shards, progress: &Progress) -> Result<usize, Stopped> {
     let all: &Shards = shards;
-    let stronger: Vec<FxHashMap<u64, u64>> = all
+    let stronger: Vec<VoxelMap<u64>> = all
         .par_iter()
         .map(|shard| {
             progress.check()?;
@@ -102,6 +102,7 @@ impl Voxel {
 #[cfg(test)]
 mod tests {
     use super::super::grid::cell_key;
+    use super::super::voxel_map::SHARDS;
     use super::*;
 
     /// A voxel that faces `normal`, its samples at `height` along z.
@@ -113,7 +114,7 @@ mod tests {
     }
 
     fn merged(voxels: &[([i32; 3], Voxel)]) -> (usize, Vec<(u64, Voxel)>) {
-        let mut shards = vec![FxHashMap::default(); 32];
+        let mut shards = vec![VoxelMap::default(); SHARDS];
         for &(index, voxel) in voxels {
             let key = cell_key(index);
             shards[shard_of(key)].insert(key, voxel);

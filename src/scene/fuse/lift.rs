@@ -1,12 +1,15 @@
 use glam::{DVec3, Mat3, Vec3};
 
-use super::grid::{Cell, Sample, cell_key, shard_of};
+use super::grid::{Cell, Sample, cell_key};
 use super::view::View;
+use super::voxel_map::shard_of;
 use crate::frames::{DepthMap, Image};
 use crate::geometry::Camera;
 
 /// Distance in pixels to the neighbours whose depths give the normal: wide enough to stand above a sensor's steps.
-const NORMAL_REACH: i64 = 2;
+const NORMAL_REACH: isize = 2;
+/// The same as a number of rows.
+const REACH: usize = NORMAL_REACH as usize;
 /// Neighbours of eight on the same surface that a pixel needs. A line one pixel wide has two.
 const MIN_SUPPORT: usize = 2;
 
@@ -81,54 +84,55 @@ impl<'a> Lift<'a> {
     pub(super) fn rows(&self, rows: std::ops::Range<u32>, shards: &mut [Vec<Sample>]) -> LiftCount {
         let mut count = LiftCount::default();
         for y in rows {
-            for x in 0..self.depth.width {
-                let index = y as usize * self.depth.width as usize + x as usize;
-                let depth = self.depth.depths[index];
+            let around = self.around(y as usize);
+            let first = y as usize * around.width;
+            for x in 0..around.width {
+                let depth = around.rows[REACH][x];
                 if !(depth > 0.0 && depth.is_finite()) {
                     continue;
                 }
                 count.measured += 1;
-                if self.flies(i64::from(x), i64::from(y), depth) {
+                if self.flies(&around, x, depth) {
                     count.flying += 1;
                     continue;
                 }
-                let in_grid = self.grid_from_camera * self.point(index, depth) + self.offset;
-                let Some(cell) = Cell::holding(in_grid) else {
+                let here = point(around.rays[REACH][x], depth);
+                let Some(cell) = Cell::holding(self.grid_from_camera * here + self.offset) else {
                     count.beyond += 1;
                     continue;
                 };
                 let key = cell_key(cell.index);
-                let normal = self.normal(i64::from(x), i64::from(y), depth);
-                shards[shard_of(key)].push(Sample::new(key, cell.fraction, self.image.pixels[index], normal));
+                let normal = self.normal(&around, x, here);
+                shards[shard_of(key)].push(Sample::new(key, cell.fraction, self.image.pixels[first + x], normal));
             }
         }
         count
     }
 
-    fn point(&self, index: usize, depth: f32) -> Vec3 {
-        let [x, y] = self.rays.xy[index];
-        Vec3::new(x * depth, y * depth, depth)
-    }
-
-    /// Depth of a pixel if it lies on the surface of a pixel with `depth` that is `reach` pixels away.
-    fn same_surface(&self, x: i64, y: i64, depth: f32, reach: f32) -> Option<(usize, f32)> {
-        if x < 0 || y < 0 || x >= i64::from(self.depth.width) || y >= i64::from(self.depth.height) {
-            return None;
+    /// The rows up to [`NORMAL_REACH`] above and below a row; those beyond the picture are empty.
+    fn around(&self, y: usize) -> Around<'_> {
+        let width = self.depth.width as usize;
+        let range = |row: usize| {
+            let first = (y + row).checked_sub(REACH)? * width;
+            (first < self.depth.depths.len()).then_some(first..first + width)
+        };
+        Around {
+            width,
+            rows: std::array::from_fn(|row| range(row).map_or(&[][..], |range| &self.depth.depths[range])),
+            rays: std::array::from_fn(|row| range(row).map_or(&[][..], |range| &self.rays.xy[range])),
         }
-        let index = y as usize * self.depth.width as usize + x as usize;
-        let other = self.depth.depths[index];
-        (other > 0.0 && (other - depth).abs() <= self.edge_tolerance * depth * reach).then_some((index, other))
     }
 
     /// Whether too few neighbours lie on the same surface: such pixels are blends of two surfaces at an edge.
-    fn flies(&self, x: i64, y: i64, depth: f32) -> bool {
+    fn flies(&self, around: &Around<'_>, x: usize, depth: f32) -> bool {
         if self.edge_tolerance >= 1.0 {
             return false;
         }
-        let around = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
+        let tolerance = self.edge_tolerance * depth;
         let mut support = 0;
-        for (dx, dy) in around {
-            support += usize::from(self.same_surface(x + dx, y + dy, depth, 1.0).is_some());
+        for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)] {
+            let (other, _) = around.at(x, dx, dy);
+            support += usize::from(other > 0.0 && (other - depth).abs() <= tolerance);
             if support >= MIN_SUPPORT {
                 return false;
             }
@@ -137,16 +141,36 @@ impl<'a> Lift<'a> {
     }
 
     /// The normal in world space, towards the camera, from the neighbours on the same surface; zero without such.
-    fn normal(&self, x: i64, y: i64, depth: f32) -> Vec3 {
-        let here = self.point(y as usize * self.depth.width as usize + x as usize, depth);
-        let along = |dx: i64, dy: i64| {
-            let side = |sign: i64| {
-                let found = self.same_surface(x + sign * dx, y + sign * dy, depth, NORMAL_REACH as f32);
-                found.map_or(here, |(index, other)| self.point(index, other))
-            };
-            side(1) - side(-1)
+    fn normal(&self, around: &Around<'_>, x: usize, here: Vec3) -> Vec3 {
+        let tolerance = self.edge_tolerance * here.z * NORMAL_REACH as f32;
+        let side = |dx: isize, dy: isize| {
+            let (other, ray) = around.at(x, dx, dy);
+            let is_same = other > 0.0 && (other - here.z).abs() <= tolerance;
+            if is_same { point(ray, other) } else { here }
         };
+        let along = |dx: isize, dy: isize| side(dx, dy) - side(-dx, -dy);
         let normal = along(NORMAL_REACH, 0).cross(along(0, NORMAL_REACH)).normalize_or_zero();
         self.world_from_camera * if normal.dot(here) > 0.0 { -normal } else { normal }
     }
+}
+
+/// A row of a picture with those above and below it.
+struct Around<'a> {
+    width: usize,
+    rows: [&'a [f32]; 2 * REACH + 1],
+    rays: [&'a [[f32; 2]]; 2 * REACH + 1],
+}
+
+impl Around<'_> {
+    /// Depth and ray of the pixel that many columns and rows away; depth 0 beyond the picture.
+    fn at(&self, x: usize, dx: isize, dy: isize) -> (f32, [f32; 2]) {
+        let (row, x) = (REACH.wrapping_add_signed(dy), x.wrapping_add_signed(dx));
+        let depth = self.rows[row].get(x).copied().unwrap_or_default();
+        (depth, self.rays[row].get(x).copied().unwrap_or_default())
+    }
+}
+
+/// The place in camera space that a pixel with this ray sees.
+fn point([x, y]: [f32; 2], depth: f32) -> Vec3 {
+    Vec3::new(x * depth, y * depth, depth)
 }

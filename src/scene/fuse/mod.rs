@@ -30,6 +30,7 @@ mod visible;
 mod vote;
 mod votes;
 mod votes_file;
+mod voxel_map;
 mod voxel_size;
 
 pub use coverage::Coverage;
@@ -37,7 +38,7 @@ pub use majority::{Majority, Verdict};
 pub use onto::{OntoOptions, vote_onto, vote_seen};
 pub use options::FuseOptions;
 pub use relabel::{ChangedMask, relabel, vote_again};
-pub use report::{ChosenVoxel, Dropped, FuseReport};
+pub use report::{ChosenVoxel, Dropped, FuseReport, naming};
 pub use run::{Fused, fuse};
 pub use seen::{SeenPoint, SeenPoints};
 pub use source::{ProjectViews, Views, readable};

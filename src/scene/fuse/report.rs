@@ -63,8 +63,9 @@ pub struct FuseReport {
     pub warnings: Vec<String>,
 }
 
-/// One line that names frames, the first few of many.
-pub(super) fn naming(what: &str, names: &[&str]) -> Option<String> {
+/// One line that names frames, the first few of many; `None` where there are none.
+#[must_use]
+pub fn naming(what: &str, names: &[&str]) -> Option<String> {
     const SHOWN: usize = 5;
     let (first, more) = (names.iter().take(SHOWN).copied().collect::<Vec<_>>().join(", "), names.len());
     match more {

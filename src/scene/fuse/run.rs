@@ -98,7 +98,8 @@ fn choose_voxel(
     report: &mut FuseReport,
     progress: &Progress,
 ) -> Result<f64, SceneError> {
-    let coverage = Coverage::measure(views, usable, false, progress)?.ok_or_else(no_depth)?;
+    let coverage = Coverage::measure(views, usable, false, progress)?
+        .ok_or_else(|| usable.first().and_then(|&first| views.fault(first)).unwrap_or_else(no_depth))?;
     report.chosen = Some(ChosenVoxel { footprint: coverage.footprint, views: coverage.views });
     Ok(coverage.point_voxel())
 }
@@ -190,10 +191,8 @@ fn make_points(
     }
     let warning = naming("cannot be read (image or depth) and give no points", &unreadable);
     if let (0, Some(warning)) = (report.frames_fused, &warning) {
-        views.image(usable[0])?;
-        return Err(SceneError::Request(format!(
-            "no frame can be read: {warning}; check the files of images and depths"
-        )));
+        let unknown = || SceneError::Request(format!("no frame can be read: {warning}; check images and depths"));
+        return Err(views.fault(usable[0]).unwrap_or_else(unknown));
     }
     report.warnings.extend(warning);
     let one_layer = report.chosen.is_some_and(|chosen| chosen.views >= MANY_VIEWS);

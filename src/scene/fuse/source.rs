@@ -26,6 +26,11 @@ pub trait Views: Sync {
 
     /// The mask of frame `index`, pixel for pixel with its picture; `None` when it has none.
     fn mask(&self, index: usize) -> Option<Arc<LabelMask>>;
+
+    /// Why frame `index` cannot be read, if it cannot: the error of a job that could read no frame at all.
+    fn fault(&self, index: usize) -> Option<SceneError> {
+        self.image(index).err().or_else(|| self.depth(index).err())
+    }
 }
 
 /// The frames, pictures, depths and masks of a project.
@@ -54,26 +59,29 @@ impl Views for ProjectViews<'_> {
 
     /// A depth that cannot be read is as good as none; fusion names its frame.
     fn depth(&self, index: usize) -> Result<Option<Arc<DepthMap>>, SceneError> {
-        match self.store.depth(&self.frames[index]) {
-            Err(stopped @ FrameError::Stopped(_)) => Err(stopped.into()),
-            depth => Ok(depth.ok().flatten()),
-        }
+        Ok(readable(self.store.depth(&self.frames[index]).map_err(SceneError::from))?.flatten())
     }
 
     fn mask(&self, index: usize) -> Option<Arc<LabelMask>> {
         (self.masks)(index)
     }
+
+    fn fault(&self, index: usize) -> Option<SceneError> {
+        let frame = &self.frames[index];
+        Some(self.store.image(frame).err().or_else(|| self.store.depth(frame).err())?.into())
+    }
 }
 
-/// An image, or nothing where its file cannot be read: one damaged file among many does not end a job. The job names it.
+/// An image or a depth, or nothing where its file cannot be read: one damaged file among many does not end a job. The job
+/// names it.
 ///
 /// # Errors
 /// Every other error, [`SceneError::Stopped`] too.
-pub fn readable(image: Result<Arc<Image>, SceneError>) -> Result<Option<Arc<Image>>, SceneError> {
-    match image {
+pub fn readable<T>(read: Result<T, SceneError>) -> Result<Option<T>, SceneError> {
+    match read {
         Err(SceneError::Frame(FrameError::Stopped(stopped))) => Err(stopped.into()),
         Err(SceneError::Frame(_)) => Ok(None),
-        image => image.map(Some),
+        read => read.map(Some),
     }
 }
 

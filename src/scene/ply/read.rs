@@ -51,7 +51,7 @@ pub struct PlyCloud {
 /// label that is no whole number up to 65535; [`SceneError::Stopped`]. Negative labels, NaN and −1 stored without a sign
 /// mean "none" in other programs and are read as 0, with a warning.
 pub fn read_ply(path: &Path, progress: &Progress) -> Result<PlyCloud, SceneError> {
-    let io = |source| SceneError::Io { path: path.to_path_buf(), source };
+    let io = |reason| SceneError::Io { path: path.to_path_buf(), reason };
     let file = disk::open_regular(path).map_err(io)?;
     let bytes = file.metadata().map_err(io)?.len();
     let mut reader = BufReader::with_capacity(1 << 18, file);
@@ -64,7 +64,7 @@ pub fn read_ply(path: &Path, progress: &Progress) -> Result<PlyCloud, SceneError
 /// As [`read_ply`], and [`SceneError::Invalid`] where there are no faces, or vertices without a finite position, or a face
 /// names a vertex that is not there.
 pub fn read_mesh(path: &Path, progress: &Progress) -> Result<LabelledMesh, SceneError> {
-    let io = |source| SceneError::Io { path: path.to_path_buf(), source };
+    let io = |reason| SceneError::Io { path: path.to_path_buf(), reason };
     let file = disk::open_regular(path).map_err(io)?;
     let bytes = file.metadata().map_err(io)?.len();
     let mut reader = BufReader::with_capacity(1 << 18, file);

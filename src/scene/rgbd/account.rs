@@ -51,6 +51,13 @@ pub fn why_no_start(outcomes: &BTreeMap<usize, Outcome>) -> String {
     if no_camera == all {
         return "the depth camera is not known; give --intrinsics FX,FY,CX,CY or --cameras, or --method sfm".into();
     }
+    let unreadable: Vec<&String> = outcomes
+        .values()
+        .filter_map(|outcome| if let Outcome::Unreadable { why } = outcome { Some(why) } else { None })
+        .collect();
+    if let Some(why) = unreadable.first().filter(|_| unreadable.len() + 1 >= all) {
+        return format!("{} of {all} frames cannot be read: {why}", unreadable.len());
+    }
     format!(
         "no two of {all} frames agree in depth and picture ({no_depth} have too little depth, {no_camera} no known camera); \
          check the depth unit, the intrinsics and that each depth belongs to its picture, or give --method sfm"

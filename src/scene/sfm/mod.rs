@@ -1,6 +1,7 @@
 //! Structure from motion: features, matches, pairs, incremental mapping, the account of what was left out.
 //!
-//! May use: frames, geometry, engine::job; only `onnx` uses engine::nn. Must not touch: Project, UI.
+//! May use: scene::fuse (how frames are named), frames, geometry, engine::job; only `onnx` uses engine::nn. Must not
+//! touch: Project, UI.
 
 mod account;
 mod cache;

@@ -69,6 +69,7 @@ pub fn structure_from_motion(
         start: kept.start,
         models: models.iter().map(|mapped| mapped.model.placed().count()).collect(),
         scale: None,
+        warnings: Vec::new(),
         methods: [request.extractor.name(), request.matcher.name()],
         stopped: kept.stopped,
     };
@@ -198,7 +199,9 @@ fn scale_to_metres(
         return Ok(());
     }
     progress.stage("scale")?;
-    result.scale = metric_scale(request.frames, &result.cameras, &result.sparse, store, progress)?;
+    let (scale, warning) = metric_scale(request.frames, &result.cameras, &result.sparse, store, progress)?;
+    result.warnings.extend(warning);
+    result.scale = scale;
     if let Some(scale) = result.scale {
         result.scale_by(scale.factor);
     }

@@ -20,6 +20,8 @@ pub struct SfmResult {
     pub models: Vec<usize>,
     /// The scale that depth pictures gave, where the model was scaled by it.
     pub scale: Option<MetricScale>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
     /// Names of the extractor and the matcher.
     pub methods: [&'static str; 2],
     /// Whether it was stopped and is a part of what it could be.

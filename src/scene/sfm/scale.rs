@@ -3,7 +3,8 @@ use std::collections::BTreeMap;
 use super::SfmError;
 use crate::engine::job::Progress;
 use crate::frames::cameras::SparsePoints;
-use crate::frames::{Frame, FrameCamera, FrameStore};
+use crate::frames::{Frame, FrameCamera, FrameError, FrameStore};
+use crate::scene::fuse::naming;
 
 /// Metres per unit of a model, and how well it is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,18 +30,19 @@ const MEAN_SHIFTS: usize = 20;
 
 /// The scale at which the model agrees with the depth of its frames: the mode, by kernel density, of depth / z over all
 /// sightings of points (OSTRA's ScaleCalculator: Xu, Zhao, Tang, Gan, "A One Stop 3D Target Reconstruction and multilevel
-/// Segmentation Method"). `None` where too few sightings have depth.
+/// Segmentation Method"). `None` where too few sightings have depth. With it a line that names the frames whose depth cannot
+/// be read: they say nothing.
 ///
 /// # Errors
-/// [`SfmError::Frame`] where a depth picture cannot be read; [`SfmError::Stopped`].
+/// [`SfmError::Stopped`].
 pub fn metric_scale(
     frames: &[Frame],
     cameras: &BTreeMap<usize, FrameCamera>,
     sparse: &SparsePoints,
     store: &FrameStore,
     progress: &Progress,
-) -> Result<Option<MetricScale>, SfmError> {
-    let mut logs = Vec::new();
+) -> Result<(Option<MetricScale>, Option<String>), SfmError> {
+    let (mut logs, mut unreadable) = (Vec::new(), Vec::new());
     for (&number, keypoints) in &sparse.keypoints {
         progress.check()?;
         let frame = &frames[number];
@@ -48,7 +50,15 @@ pub fn metric_scale(
             continue;
         }
         let Some(pose) = cameras.get(&number).and_then(|camera| camera.camera_from_world) else { continue };
-        let Some(depth) = store.depth(frame)? else { continue };
+        let depth = match store.depth(frame) {
+            Ok(Some(depth)) => depth,
+            Ok(None) => continue,
+            Err(FrameError::Stopped(stopped)) => return Err(stopped.into()),
+            Err(_) => {
+                unreadable.push(frame.name.as_str());
+                continue;
+            }
+        };
         for keypoint in keypoints {
             let Some(point) = keypoint.point.map(|point| &sparse.points[point as usize]) else { continue };
             let z = pose.transform(point.position).z;
@@ -59,7 +69,9 @@ pub fn metric_scale(
             }
         }
     }
-    Ok(mode(logs))
+    let warning =
+        naming("have a depth that cannot be read and do not count for the scale; check their files", &unreadable);
+    Ok((mode(logs), warning))
 }
 
 /// The densest place among logarithms of the scale.
@@ -92,7 +104,41 @@ fn kernel(distance: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use glam::{DVec2, DVec3};
+
     use super::*;
+    use crate::frames::cameras::{SparseKeypoint, SparsePoint};
+    use crate::frames::{DepthSource, Orientation, PictureSource};
+    use crate::geometry::{Camera, Pose};
+
+    /// A frame of 8 × 6 pixels whose depth says 2 m everywhere.
+    fn frame(folder: &Path, number: usize) -> Frame {
+        let depth = image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_pixel(8, 6, image::Luma([2000]));
+        let (path, orientation) = (folder.join(format!("d{number}.png")), Orientation::default());
+        depth.save(&path).unwrap();
+        let picture = PictureSource::File { path: folder.join(format!("c{number}.png")), orientation };
+        let depth = Some(DepthSource::Sensor { path, unit: 0.001, orientation, camera: None });
+        Frame { name: format!("c{number}.png"), width: 8, height: 6, picture, depth, camera: None }
+    }
+
+    #[test]
+    fn a_depth_that_cannot_be_read_is_named_and_the_others_give_the_scale() {
+        let folder = tempfile::tempdir().unwrap();
+        let frames: Vec<Frame> = (0..3).map(|number| frame(folder.path(), number)).collect();
+        std::fs::write(folder.path().join("d1.png"), "").unwrap();
+        let camera = FrameCamera::given(Camera::pinhole(8, 6, 8.0, 8.0, 4.0, 3.0), Some(Pose::IDENTITY));
+        let point = SparsePoint { position: DVec3::Z, color: [0; 3], error_px: None };
+        let seen = vec![SparseKeypoint { at_px: DVec2::new(4.0, 3.0), point: Some(0) }; LEAST_SAMPLES];
+        let sparse = SparsePoints { points: vec![point], keypoints: (0..3).map(|at| (at, seen.clone())).collect() };
+        let cameras: BTreeMap<usize, FrameCamera> = (0..3).map(|number| (number, camera)).collect();
+        let store = FrameStore::new(1 << 20);
+        let (scale, warning) = metric_scale(&frames, &cameras, &sparse, &store, &Progress::default()).unwrap();
+        let scale = scale.unwrap();
+        assert!((scale.factor - 2.0).abs() < 1e-6 && scale.samples == 2 * LEAST_SAMPLES, "{scale:?}");
+        assert!(warning.is_some_and(|line| line.starts_with("1 frames have a depth") && line.ends_with(": c1.png")));
+    }
 
     #[test]
     fn the_mode_is_found_among_outliers() {

@@ -46,7 +46,7 @@ impl Scene {
 
 fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> SceneError {
     let path: PathBuf = path.to_owned();
-    move |source| SceneError::Io { path, source }
+    move |reason| SceneError::Io { path, reason }
 }
 
 fn write_text(path: &Path, text: &str) -> Result<(), SceneError> {

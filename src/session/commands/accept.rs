@@ -2,12 +2,13 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 
+use super::correct::without_depth;
 use super::paint::{by_hand, mask_of};
 use crate::frames::FrameStore;
 use crate::masks::{LabelId, LabelMask};
-use crate::scene::LabelledCloud;
 use crate::scene::doubt::voted_mask;
-use crate::scene::fuse::Votes;
+use crate::scene::fuse::{Votes, readable};
+use crate::scene::{LabelledCloud, SceneError};
 use crate::session::following::cloud_of_now;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::store::version_in_force;
@@ -28,28 +29,33 @@ impl Session {
                 None => load_cloud(&root, version, &project.frames, &link.progress)?,
             };
             let (cloud, votes) = cloud_of_now((&project, &store), loaded, &link.progress)?;
-            let voted = by_vote((&project, &store), (&cloud, &votes), number, &labels)?;
+            let (voted, warning) = by_vote((&project, &store), (&cloud, &votes), number, &labels)?;
             Ok(Box::new(move |session: &mut Self| {
                 let now = session.snapshot()?;
                 ensure!(
                     now.masks.get(&number) == project.masks.get(&number),
                     "the mask of frame {number} changed meanwhile; accept again"
                 );
-                session.commit(&format!("Accept the vote on frame {number}"), by_hand(&now, number, &voted))
+                session.commit(&format!("Accept the vote on frame {number}"), by_hand(&now, number, &voted))?;
+                session.warn_all(warning.into_iter().collect());
+                Ok(())
             }) as Landing)
         }))
     }
 }
 
-/// The mask that the vote of all frames gives a frame, for some labels or (none named) for all.
+/// The mask that the vote of all frames gives a frame, for some labels or (none named) for all. A depth that
+/// cannot be read is left aside, as if the frame had none; a warning says so.
 pub(in crate::session) fn by_vote(
     (project, store): (&Project, &FrameStore),
     cloud: (&LabelledCloud, &Votes),
     number: usize,
     labels: &[LabelId],
-) -> Result<LabelMask> {
+) -> Result<(LabelMask, Option<String>)> {
     let frame = project.frame(number)?;
-    let (depth, own) = (store.depth(frame)?, mask_of(project, number)?);
+    let (depth, own) = (readable(store.depth(frame).map_err(SceneError::from))?, mask_of(project, number)?);
+    let warning = if depth.is_none() { without_depth(&[frame.name.as_str()]) } else { None };
+    let depth = depth.flatten();
     let mut voted = voted_mask(cloud, (number, frame), depth.as_deref(), &own, labels)?;
     for (id, own) in voted.ids.iter_mut().zip(&own.ids) {
         // A label that was taken out since the vote stays out.
@@ -57,5 +63,5 @@ pub(in crate::session) fn by_vote(
             *id = *own;
         }
     }
-    Ok(voted)
+    Ok((voted, warning))
 }

@@ -31,7 +31,7 @@ impl Correcting {
         pieces.retain(|piece| !hidden.contains(&piece.label));
         if pieces.is_empty() {
             let notice: Notice = Box::new(|_| "nothing without a label hangs on one labelled thing alone".into());
-            return Ok(Corrected { edits: Vec::new(), notice: Some(notice) });
+            return Ok(Corrected { notice: Some(notice), ..Corrected::default() });
         }
         let selector = self.selector_for(Arc::clone(&cloud))?;
         let seeing = SeeingPixels::new(&selector, &votes, &all_points(&pieces))?;
@@ -41,10 +41,10 @@ impl Correcting {
             split_mask(&votes, &choice, (frame, mask), region)
         };
         let frames: Vec<usize> = votes.frames().filter(|frame| self.project.masks.contains_key(frame)).collect();
-        let edits = self.given_back(&seeing, &frames, false, to_free, progress)?;
+        let corrected = self.given_back(&seeing, &frames, false, to_free, progress)?;
         let tree = self.project.labels.clone();
         let notice: Notice = Box::new(move |voted| told(&tree, &pieces, voted));
-        Ok(Corrected { edits, notice: Some(notice) })
+        Ok(Corrected { notice: Some(notice), ..corrected })
     }
 
     /// The cloud as the masks vote now, with the labels that are hidden: what is out of play is not without a label.

@@ -81,6 +81,8 @@ struct Cameras {
     is_anchored: bool,
     /// Whether lengths are metres, where they are not anchored.
     is_metric: bool,
+    /// What the user should know.
+    warnings: Vec<String>,
     stopped: bool,
 }
 
@@ -88,9 +90,21 @@ impl From<SfmResult> for Cameras {
     fn from(result: SfmResult) -> Self {
         let (engine, settings) = ("sfm", settings(&result));
         let (is_anchored, is_metric) = (result.start == Start::Given, result.scale.is_some());
-        let SfmResult { cameras, sparse, outcomes, stopped, .. } = result;
+        let SfmResult { cameras, sparse, outcomes, warnings, stopped, .. } = result;
         let (links, calibrations) = Default::default();
-        Self { engine, settings, cameras, sparse, outcomes, links, calibrations, is_anchored, is_metric, stopped }
+        Self {
+            engine,
+            settings,
+            cameras,
+            sparse,
+            outcomes,
+            links,
+            calibrations,
+            is_anchored,
+            is_metric,
+            warnings,
+            stopped,
+        }
     }
 }
 
@@ -105,9 +119,19 @@ impl From<(RgbdResult, Vec<Calibration>)> for Cameras {
             settings += &format!(", {contradicted} contradicted by the others");
         }
         calibrations.iter().for_each(|calibration| settings += &format!("; {calibration}"));
-        let (sparse, is_anchored, is_metric) = (SparsePoints::default(), false, true);
-        let engine = "rgbd";
-        Self { engine, settings, cameras, sparse, outcomes, links, calibrations, is_anchored, is_metric, stopped }
+        Self {
+            engine: "rgbd",
+            settings,
+            cameras,
+            sparse: SparsePoints::default(),
+            outcomes,
+            links,
+            calibrations,
+            is_anchored: false,
+            is_metric: true,
+            warnings: Vec::new(),
+            stopped,
+        }
     }
 }
 
@@ -159,7 +183,7 @@ impl CameraWork {
             ResultRecord { version: self.version, coordinates: Some(coordinates), ..record(&result, begun.elapsed()) };
         Ok(FoundCameras {
             notices: cache.report().into_iter().chain([format!("cameras: {}", record.settings)]).collect(),
-            warnings: unplaced(frames, &result).into_iter().chain(not_kept).collect(),
+            warnings: unplaced(frames, &result).into_iter().chain(result.warnings.clone()).chain(not_kept).collect(),
             edits: edits(&self.project, &result, poses, record),
             stopped: result.stopped,
             made_from: self.project,

@@ -11,11 +11,11 @@ use super::voted_before::VotedBefore;
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
 use crate::masks::{LabelId, LabelMask, Region, RunMask};
-use crate::scene::LabelledCloud;
 use crate::scene::correct::SeeingPixels;
-use crate::scene::fuse::{Fused, ProjectViews, Votes};
+use crate::scene::fuse::{Fused, ProjectViews, Votes, naming, readable};
 use crate::scene::ply::{Coloring, save_ply};
 use crate::scene::select::Selector;
+use crate::scene::{LabelledCloud, SceneError};
 use crate::session::following::cloud_of_now;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::store::{cloud_path, keep_mesh, sync_folder, version_in_force, votes_path};
@@ -30,6 +30,8 @@ pub(super) struct Corrected {
     pub(super) edits: Vec<Edit>,
     /// What the user is told in the end; where there is that, there may be no edits, and nothing happens.
     pub(super) notice: Option<Notice>,
+    /// What the user should know.
+    pub(super) warnings: Vec<String>,
 }
 
 /// What to tell of the cloud as the masks voted again; of `None` where they did not.
@@ -37,7 +39,7 @@ pub(super) type Notice = Box<dyn FnOnce(Option<&LabelledCloud>) -> String + Send
 
 impl From<Vec<Edit>> for Corrected {
     fn from(edits: Vec<Edit>) -> Self {
-        Self { edits, notice: None }
+        Self { edits, ..Self::default() }
     }
 }
 
@@ -61,7 +63,7 @@ impl Session {
             label => format!("Assign {} in 3-D", label_name(&project, label)?),
         };
         let correction = correction.clone();
-        self.correct(&title, move |correcting, progress| Ok(correcting.written_back(&correction, progress)?.into()))
+        self.correct(&title, move |correcting, progress| correcting.written_back(&correction, progress))
     }
 
     /// Starts a job that makes edits of masks and labels from the project as it is now, lets the points of the cloud
@@ -82,10 +84,11 @@ impl Session {
         let correcting = Correcting { project, root, store: Arc::clone(&self.store), before, selector };
         let title = title.to_owned();
         Ok(self.start(&title.clone(), Kind::Long, move |link| {
-            let Corrected { mut edits, notice } = corrected(&correcting, &link.progress)?;
+            let Corrected { mut edits, notice, warnings } = corrected(&correcting, &link.progress)?;
             if edits.is_empty() {
                 let text = notice.context("no mask changes: none that may change sees these points otherwise")?(None);
                 return Ok(Box::new(|session: &mut Self| {
+                    session.warn_all(warnings);
                     session.events.push(Event::Notice(text));
                     Ok(())
                 }) as Landing);
@@ -99,6 +102,7 @@ impl Session {
                 let same = Arc::ptr_eq(&now, &correcting.project) || now == correcting.project;
                 ensure!(same, "the project changed meanwhile; do it again");
                 session.commit(&title, edits)?;
+                session.warn_all(warnings);
                 session.events.extend(notice.map(Event::Notice));
                 if let Some((fused, _)) = voted {
                     session.cloud.put(Some(next_version), fused.cloud, Some(fused.votes));
@@ -120,7 +124,7 @@ impl Correcting {
     }
 
     /// The edits of the masks that see the chosen points.
-    fn written_back(&self, correction: &CloudCorrection, progress: &Progress) -> Result<Vec<Edit>> {
+    fn written_back(&self, correction: &CloudCorrection, progress: &Progress) -> Result<Corrected> {
         progress.stage("choose points")?;
         let (cloud, votes) = self.cloud_of_now(progress)?;
         let selector = self.selector_for(cloud)?;
@@ -153,7 +157,9 @@ impl Correcting {
         }
     }
 
-    /// The edits of these frames' masks by what becomes of a frame's mask and the region that sees the chosen points.
+    /// The edits of these frames' masks by what becomes of a frame's mask and the region that sees the chosen points. A
+    /// depth that cannot be read is left aside: the pixels that are recorded to see points give the region, and a warning
+    /// names the frame.
     pub(super) fn given_back(
         &self,
         seeing: &SeeingPixels<'_>,
@@ -161,16 +167,19 @@ impl Correcting {
         as_anchors: bool,
         change: impl Fn(usize, &LabelMask, Region) -> Option<LabelMask>,
         progress: &Progress,
-    ) -> Result<Vec<Edit>> {
+    ) -> Result<Corrected> {
         let project = &self.project;
         let mut edits = Vec::new();
+        let mut unreadable: Vec<&str> = Vec::new();
         progress.stage("write back")?;
         for (done, &number) in frames.iter().enumerate() {
             progress.step(done, frames.len())?;
             let frame = project.frame(number)?;
             let mask = mask_of(project, number)?;
-            let depth = self.store.depth(frame)?;
-            let region = seeing.in_frame((number, frame), depth.as_deref(), &mask);
+            let depth = readable(self.store.depth(frame).map_err(SceneError::from))?;
+            let is_unreadable = depth.is_none();
+            let region = seeing.in_frame((number, frame), depth.flatten().as_deref(), &mask);
+            unreadable.extend((is_unreadable && region.is_some()).then_some(frame.name.as_str()));
             let changed = region.and_then(|region| change(number, &mask, region));
             edits.extend(
                 changed.and_then(|mask| mask_edit(project, number, Arc::new(RunMask::encode(&mask)), as_anchors)),
@@ -178,7 +187,7 @@ impl Correcting {
         }
         edits.extend(project.there_again(&edits));
         edits.extend(not_stale(project, &edits));
-        Ok(edits)
+        Ok(Corrected { edits, notice: None, warnings: without_depth(&unreadable).into_iter().collect() })
     }
 
     /// The cloud and its surface as the masks vote after the edits, saved under a version of their own; `None` where it
@@ -225,6 +234,11 @@ impl Correcting {
         save_surface(&self.root, version, &mesh, &votes, progress)?;
         Ok(true)
     }
+}
+
+/// One line that names frames whose masks are changed without their depth, which cannot be read.
+pub(super) fn without_depth(names: &[&str]) -> Option<String> {
+    naming("have a depth that cannot be read, and their masks are changed without it; check their files", names)
 }
 
 /// The edit that gives a frame other runs by a correction in 3-D; `None` where nothing changes. Labels that are locked

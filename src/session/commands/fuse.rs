@@ -134,10 +134,11 @@ fn make_points(
         return Ok(fused);
     }
     if let Some(version) = stereo_version(project) {
-        let (cloud, voxel) = dense_cloud(views.store, root, project, version, request.voxel, progress)?;
+        let (cloud, voxel, unreadable) = dense_cloud(views.store, root, project, version, request.voxel, progress)?;
         let (points, seen) = cloud.into_points();
         let mut fused = vote_seen(points, &seen, views, &project.labels, &onto, progress)?;
         fused.report.voxel = voxel.unwrap_or_default();
+        fused.report.warnings.extend(unreadable);
         if has_stale_depths(project) {
             fused.report.warnings.push("the depths were made with other cameras; reconstruct again".into());
         }
@@ -196,7 +197,7 @@ pub(super) fn stereo_version(project: &Project) -> Option<u64> {
 }
 
 /// Points of the depth maps that stereo made, with the pixels that made each, and the edge of the voxels that they were thinned
-/// with.
+/// with; and a line that names the frames that cannot be read.
 fn dense_cloud(
     store: &FrameStore,
     root: &Path,
@@ -204,7 +205,7 @@ fn dense_cloud(
     version: u64,
     voxel: Option<f64>,
     progress: &Progress,
-) -> Result<(DenseCloud, Option<f64>)> {
+) -> Result<(DenseCloud, Option<f64>, Option<String>)> {
     let frames = &project.frames;
     let folder = DepthFolder::new(root, version, frames).scaled(frames);
     let account = folder.load_account()?;
@@ -216,12 +217,13 @@ fn dense_cloud(
     };
     let neighbours = account.outcomes.unwrap_or_default().into_iter().filter_map(compared).collect();
     let source = (store, account.max_side);
-    let cloud = fuse_depths(frames, &neighbours, source, &folder, &FusionOptions::default(), progress)?;
+    let (cloud, unreadable) = fuse_depths(frames, &neighbours, source, &folder, &FusionOptions::default(), progress)?;
     ensure!(!cloud.is_empty(), "the depth maps agree on no point; look at them, and reconstruct with more pictures");
-    Ok(match voxel {
+    let (cloud, voxel) = match voxel {
         Some(voxel) => (cloud.thinned(voxel)?, Some(voxel)),
         None => cloud.thinned_to(STEREO_POINTS, progress)?,
-    })
+    };
+    Ok((cloud, voxel, unreadable))
 }
 
 /// Whether what a cloud is made of is no longer what it was.

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use anyhow::{Result, ensure};
 
 use super::paint::{by_hand, mask_of};
-use super::prompt::{answer, with_answer};
+use super::prompt::{answer, unread_depth, with_answer};
 use crate::masks::{Label, LabelId, LabelTree, Prompt};
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{
@@ -64,6 +64,7 @@ impl Session {
                 masks.push(Edit::SetPrompt { frame: of.frame, label, prompt: Some(of.prompt) });
                 apply(&mut next, &mut edits, masks)?;
             }
+            let warning = unread_depth(&frame, &store)?;
             Ok(Box::new(move |session: &mut Self| {
                 let now = session.snapshot()?;
                 ensure!(
@@ -73,7 +74,9 @@ impl Session {
                 );
                 let extents: Vec<_> = request.things.iter().map(|(_, extent)| *extent).collect();
                 session.drop_found(request.frame, &extents);
-                session.commit(&format!("Take what was found on frame {}", request.frame), edits)
+                session.commit(&format!("Take what was found on frame {}", request.frame), edits)?;
+                session.warn_all(warning.into_iter().collect());
+                Ok(())
             }) as Landing)
         }))
     }

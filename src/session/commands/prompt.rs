@@ -4,12 +4,13 @@ use anyhow::{Result, ensure};
 
 use super::paint::{anchor, by_hand, check_unlocked, label_name, mask_of};
 use crate::engine::job::Progress;
-use crate::frames::Frame;
+use crate::frames::{Frame, FrameStore};
 use crate::masks::{
     Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, landmarks,
     taken_by_others,
 };
-use crate::scene::GeometrySegmenter;
+use crate::scene::fuse::{naming, readable};
+use crate::scene::{GeometrySegmenter, SceneError};
 use crate::session::engines::geometry_segmenter;
 use crate::session::jobs::{Kind, Landing};
 use crate::session::{Edit, Event, JobId, Project, PromptRequest, Session, engines};
@@ -35,7 +36,12 @@ impl Session {
             let ready = prepared.get(segmenter.as_ref(), &frame, &store, &link.progress)?;
             link.progress.stage("segment")?;
             let region = answer(ready.as_ref(), &project, &request, &link.progress)?;
-            Ok(Box::new(move |session: &mut Self| session.take_answer(&request, &region)) as Landing)
+            let warning = unread_depth(&frame, &store)?;
+            Ok(Box::new(move |session: &mut Self| {
+                session.take_answer(&request, &region)?;
+                session.warn_all(warning.into_iter().collect());
+                Ok(())
+            }) as Landing)
         })))
     }
 
@@ -52,7 +58,14 @@ impl Session {
         let (prepared, store) = (Arc::clone(&self.prepared), Arc::clone(&self.store));
         self.start(PREPARE, Kind::Background, move |link| {
             for (done, of) in frames_around(&project.frames, frame).enumerate() {
-                let ready = prepared.get(segmenter.as_ref(), of, &store, &link.progress)?;
+                let ready = match prepared.get(segmenter.as_ref(), of, &store, &link.progress) {
+                    // What is wrong with a neighbour is said where it is shown.
+                    Err(_) if done > 0 => {
+                        link.progress.check()?;
+                        continue;
+                    }
+                    ready => ready?,
+                };
                 if done == 0 && !prepared.has_room_for(ready.bytes() * AHEAD.len()) {
                     break;
                 }
@@ -105,6 +118,13 @@ impl Session {
         }
         self.commit(&format!("Take {name} off frame {frame}"), edits)
     }
+}
+
+/// A line that names a frame where its depth cannot be read.
+pub(super) fn unread_depth(frame: &Frame, store: &FrameStore) -> Result<Option<String>> {
+    let depth = readable(store.depth(frame).map_err(SceneError::from))?;
+    let unread = depth.is_none().then_some(frame.name.as_str());
+    Ok(naming("have a depth that cannot be read, and are segmented without it; check their files", unread.as_slice()))
 }
 
 /// The job that reads ahead.

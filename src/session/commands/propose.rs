@@ -2,6 +2,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 
+use super::prompt::unread_depth;
 use crate::masks::{LabelId, LabelMask, Proposal};
 use crate::session::jobs::{Kind, Landing};
 use crate::session::suggestion::Reason;
@@ -27,9 +28,11 @@ impl Session {
                 format!("'{}' only answers prompts; install Segment Anything to have things proposed", segmenter.name())
             };
             let found = offered(&project, frame, proposals.with_context(needs)?);
+            let warning = unread_depth(&of, &store)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.events.push(Event::Notice(format!("{} things proposed", found.len())));
                 session.suggestions = found;
+                session.warn_all(warning.into_iter().collect());
                 Ok(())
             }) as Landing)
         }))

@@ -1,3 +1,4 @@
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
@@ -7,6 +8,8 @@ use crate::frames::FrameStore;
 use crate::masks::Unexplained;
 use crate::masks::builtin::standing_apart;
 use crate::masks::flow::{FlowOptions, moving_apart};
+use crate::scene::SceneError;
+use crate::scene::fuse::{naming, readable};
 use crate::session::jobs::{Kind, Landing};
 use crate::session::suggestion::Reason;
 use crate::session::{JobId, Project, Session, Suggestion};
@@ -26,11 +29,10 @@ impl Session {
         let (project, store) = (self.snapshot()?, Arc::clone(&self.store));
         ensure!(!project.masks.is_empty(), "no frame has a mask; prompt and track first");
         Ok(self.start("Suggest", Kind::Short, move |link| {
-            let mut warnings = Vec::new();
-            let found = suggestions(&project, &store, &mut warnings, &link.progress)?;
+            let (found, warning) = suggestions(&project, &store, &link.progress)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.suggestions = found;
-                session.warn_all(warnings);
+                session.warn_all(warning.into_iter().collect());
                 Ok(())
             }) as Landing)
         }))
@@ -43,23 +45,26 @@ impl Session {
     }
 }
 
-/// Frames that cannot be read are passed over, with a warning.
+/// Images and depths that cannot be read are passed over; a line names their frames.
 fn suggestions(
     project: &Project,
     store: &FrameStore,
-    warnings: &mut Vec<String>,
     progress: &Progress,
-) -> Result<Vec<Suggestion>> {
+) -> Result<(Vec<Suggestion>, Option<String>)> {
     progress.stage("suggest")?;
     let frames: Vec<usize> = project.masks.keys().copied().collect();
     let looks: Vec<usize> = frames.iter().copied().step_by(frames.len().div_ceil(LOOKED_AT)).collect();
     let mut found: Vec<(usize, usize, Unexplained)> = Vec::new();
+    let mut unread = BTreeSet::new();
     for (look, &frame) in looks.iter().enumerate() {
         progress.step(look, looks.len())?;
-        match unexplained_on(project, store, frame) {
-            Ok(all) => found.extend(all.into_iter().map(|one| (look, frame, one))),
-            Err(error) => warnings.push(format!("{error:#}; the frame was passed over")),
-        }
+        let all = unexplained_on(project, store, frame, &mut unread)?;
+        found.extend(all.into_iter().map(|one| (look, frame, one)));
+    }
+    if let (true, Some(&first)) = (looks.iter().all(|look| unread.contains(look)), looks.first()) {
+        let frame = project.frame(first)?;
+        store.image(frame)?;
+        store.depth(frame)?;
     }
     found.sort_by(|a, b| (a.2.why).cmp(&b.2.why).then(b.2.strength.total_cmp(&a.2.strength)));
     let mut kept: Vec<&(usize, usize, Unexplained)> = Vec::new();
@@ -72,23 +77,37 @@ fn suggestions(
             kept.push(one);
         }
     }
-    Ok(kept
-        .into_iter()
-        .filter_map(|(_, frame, one)| Suggestion::of(*frame, &one.region, Reason::Apart(one.why)))
-        .collect())
+    let suggested =
+        kept.into_iter().filter_map(|(_, frame, one)| Suggestion::of(*frame, &one.region, Reason::Apart(one.why)));
+    let names: Vec<&str> = unread.iter().map(|&frame| project.frames[frame].name.as_str()).collect();
+    Ok((suggested.collect(), naming("cannot be read (image or depth) and were passed over; check their files", &names)))
 }
 
-/// What no label of a frame explains: by motion towards a frame nearby, and by depth where there is some.
-fn unexplained_on(project: &Project, store: &FrameStore, frame: usize) -> Result<Vec<Unexplained>> {
+/// What no label of a frame explains: by motion towards a frame nearby, and by depth where there is some. Frames whose
+/// image or depth cannot be read are added to `unread`.
+fn unexplained_on(
+    project: &Project,
+    store: &FrameStore,
+    frame: usize,
+    unread: &mut BTreeSet<usize>,
+) -> Result<Vec<Unexplained>> {
     let of = project.frame(frame)?;
     let Some(mask) = project.masks.get(&frame).map(|mask| mask.runs.decode()) else { return Ok(Vec::new()) };
     let mut found = Vec::new();
-    let later = project.frames.get(frame + APART).or_else(|| project.frames.get(frame.checked_sub(APART)?));
-    if let Some(other) = later {
-        found.extend(moving_apart(&*store.image(of)?, &*store.image(other)?, &mask, &FlowOptions::default()));
+    let apart = [Some(frame + APART), frame.checked_sub(APART)];
+    let other = apart.into_iter().flatten().find(|&other| other < project.frames.len());
+    if let Some(other) = other {
+        let mut image = |number: usize| -> Result<_> {
+            let image = readable(store.image(&project.frames[number]).map_err(SceneError::from))?;
+            unread.extend(image.is_none().then_some(number));
+            Ok(image)
+        };
+        if let (Some(image), Some(other)) = (image(frame)?, image(other)?) {
+            found.extend(moving_apart(&image, &other, &mask, &FlowOptions::default()));
+        }
     }
-    if let Some(depth) = store.depth(of)? {
-        found.extend(standing_apart(&depth, &mask));
-    }
+    let depth = readable(store.depth(of).map_err(SceneError::from))?;
+    unread.extend(depth.is_none().then_some(frame));
+    found.extend(depth.flatten().into_iter().flat_map(|depth| standing_apart(&depth, &mask)));
     Ok(found)
 }

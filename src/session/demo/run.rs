@@ -75,7 +75,7 @@ const WITHIN_M: f64 = 0.003;
 pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<'_>) -> Result<DemoReport> {
     let mut clock = Clock::default();
     let out = &options.out;
-    workspace::prepare(out)?;
+    let _claim = workspace::prepare(out)?;
     let scene = Scene::build(&options.scene)?;
     let truth_cloud = clock.time("1 scene", || make_recording(&scene, out))?;
     let truth_masks: Vec<LabelMask> = scene.views().iter().map(|view| scene.render_exact(view).mask).collect();

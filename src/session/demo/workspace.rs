@@ -3,10 +3,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 
 use crate::engine::disk;
+use crate::session::export_claim::{Claim, is_being_written, lock_folder};
 use crate::session::export_record::{ExportRecord, Known, files_below};
 use crate::session::store::Lock;
 
@@ -33,20 +34,23 @@ impl Marker {
 }
 
 /// Makes the folder ready for a demo. What an earlier demo made is removed if it is unchanged. What an interrupted demo
-/// left is moved to `interrupted-N`.
+/// left is moved to `interrupted-N`. No other demo can use the folder until the claim is dropped.
 ///
 /// # Errors
-/// When the folder holds files that no demo made, or an earlier demo's files were changed since.
-pub fn prepare(out: &Path) -> Result<()> {
+/// When the folder holds files that no demo made, an earlier demo's files were changed since, or another demo runs there.
+pub fn prepare(out: &Path) -> Result<Claim> {
     let is_empty = fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
     if is_empty {
         fs::create_dir_all(out)
             .with_context(|| format!("{}: cannot be made; choose another folder for the demo", out.display()))?;
-        return Marker::default().write(out);
+        let claim = claim(out)?;
+        Marker::default().write(out)?;
+        return Ok(claim);
     }
     let Ok(bytes) = disk::read_regular(&out.join(MARKER)) else {
         bail!("{}: is not empty and was not made by a demo; choose a new or empty folder", out.display());
     };
+    let claim = claim(out)?;
     let project = out.join("project");
     // Held while its files go, so that no other process has it open.
     let lock = project.join("project.toml").is_file().then(|| Lock::take(&project)).transpose()?;
@@ -55,7 +59,15 @@ pub fn prepare(out: &Path) -> Result<()> {
         None => set_aside(out)?,
     }
     drop(lock);
-    Marker::default().write(out)
+    Marker::default().write(out)?;
+    Ok(claim)
+}
+
+/// Claims the folder against other demos; the demo itself exports into it.
+fn claim(out: &Path) -> Result<Claim> {
+    let _locked = lock_folder(out)?;
+    ensure!(!is_being_written(out, MADE[0]), "{}: another demo runs there; choose another folder", out.display());
+    Claim::take(out, &[MADE[0].to_owned()])
 }
 
 /// Notes what the demo made, when all of it is written and its project is closed.
@@ -158,6 +170,17 @@ mod tests {
         drop(lock);
         prepare(dir.path()).unwrap();
         assert!(!dir.path().join("project").exists());
+    }
+
+    #[test]
+    fn two_demos_do_not_share_a_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        let running = prepare(dir.path()).unwrap();
+        put(dir.path(), "recording/color/0.png");
+        assert!(prepare(dir.path()).unwrap_err().to_string().contains("another demo runs there"));
+        assert!(dir.path().join("recording/color/0.png").is_file());
+        drop(running);
+        prepare(dir.path()).unwrap();
     }
 
     #[test]

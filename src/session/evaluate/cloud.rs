@@ -36,7 +36,7 @@ pub struct TruthViews {
 /// Scores any labelled PLY against any other. Answers with warnings about what the files lack.
 ///
 /// # Errors
-/// When a file or a picture cannot be read, no picture has a camera, or nothing can be compared.
+/// When a file or no picture can be read, no picture has a camera, or nothing can be compared.
 pub fn evaluate_cloud(truth: &Path, result: &Path, evaluation: &CloudEvaluation) -> Result<(CloudScore, Vec<String>)> {
     let progress = Progress::default();
     let (mut truth, mut result) = (read(truth, &progress)?, read(result, &progress)?);

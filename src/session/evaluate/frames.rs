@@ -3,7 +3,8 @@ use std::path::Path;
 use anyhow::Result;
 
 use crate::engine::job::Progress;
-use crate::frames::{Frame, FrameFolder, OpenRequest, open};
+use crate::frames::{Frame, FrameError, FrameFolder, OpenRequest, open};
+use crate::scene::fuse::naming;
 use crate::session::store::Folder;
 
 /// Bytes of decoded pictures kept.
@@ -18,4 +19,34 @@ pub(super) fn read_frames(path: &Path, progress: &Progress) -> Result<(Vec<Frame
     let sources = vec![FrameFolder::from(path.to_owned())];
     let opened = open(&OpenRequest { sources, ..OpenRequest::default() }, progress)?;
     Ok((opened.frames, opened.warnings))
+}
+
+/// The frames that `read` can read, and a line that names the others: they are left out.
+///
+/// # Errors
+/// What reading the first one says, where none can be read; on a stop.
+pub(super) fn readable_frames(
+    frames: Vec<Frame>,
+    read: impl Fn(&Frame) -> Result<(), FrameError>,
+    progress: &Progress,
+) -> Result<(Vec<Frame>, Option<String>)> {
+    let count = frames.len();
+    let (mut kept, mut unreadable, mut first_error) = (Vec::with_capacity(count), Vec::new(), None);
+    progress.stage("read frames")?;
+    for (done, frame) in frames.into_iter().enumerate() {
+        progress.step(done, count)?;
+        match read(&frame) {
+            Ok(()) => kept.push(frame),
+            Err(FrameError::Stopped(stopped)) => return Err(stopped.into()),
+            Err(error) => {
+                unreadable.push(frame.name);
+                first_error.get_or_insert(error);
+            }
+        }
+    }
+    if let Some(error) = first_error.filter(|_| kept.is_empty()) {
+        return Err(error.into());
+    }
+    let names: Vec<&str> = unreadable.iter().map(String::as_str).collect();
+    Ok((kept, naming("cannot be read (image or depth) and are left out; check their files", &names)))
 }

@@ -138,8 +138,8 @@ impl DepthStore for DepthFolder {
     fn forget(&self, stage: Stage) -> Result<(), SceneError> {
         let folder = self.of_stage(stage);
         match fs::remove_dir_all(&folder) {
-            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-                Err(SceneError::Io { path: folder, source })
+            Err(reason) if reason.kind() != std::io::ErrorKind::NotFound => {
+                Err(SceneError::Io { path: folder, reason })
             }
             _ => Ok(()),
         }

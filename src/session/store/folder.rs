@@ -88,10 +88,10 @@ impl Folder {
     /// When the folder holds something, or cannot be written.
     pub fn create(root: &Path, project: &Project) -> Result<Self> {
         Self::check_new(root)?;
-        let made = first_missing(root);
+        let made = make_folders(root)?;
         let created = Self::create_in(root, project);
         if created.is_err() {
-            remove_made(root, made.as_deref());
+            remove_empty(&made);
         }
         created
     }
@@ -107,17 +107,25 @@ impl Folder {
             Err(error) => bail!("{}: cannot hold a project ({error}); choose another folder", root.display()),
         };
         ensure!(!root.join("project.toml").exists(), "{}: already holds a project; open it instead", root.display());
-        ensure!(entries.next().is_none(), "{}: is not empty; choose a new or empty folder", root.display());
+        let is_empty = entries.all(|entry| entry.is_ok_and(|entry| is_remains(&entry)));
+        ensure!(is_empty, "{}: is not empty; choose a new or empty folder", root.display());
         Ok(())
     }
 
     fn create_in(root: &Path, project: &Project) -> Result<Self> {
-        durable::make_folder(root)?;
         // A folder above that cannot be listed is no reason not to go on.
         let _ = root.parent().map(durable::sync_folder);
         let lock = Lock::take(root)?;
-        let journal = Journal::open(&root.join("journal.jsonl"), &ReadRecords::default())?;
-        manifest::write(root, project, 0)?;
+        // Another process may have made a project here since.
+        Self::check_new(root)?;
+        let path = root.join("journal.jsonl");
+        let journal = Journal::open(&path, &ReadRecords::default());
+        let written = journal.and_then(|journal| manifest::write(root, project, 0).map(|()| journal));
+        let journal = written.inspect_err(|_| {
+            for made in [path, root.join("project.toml"), root.join(".lock")] {
+                let _ = std::fs::remove_file(made);
+            }
+        })?;
         Ok(Self {
             root: root.to_owned(),
             access: Access::Write { journal, _lock: lock },
@@ -298,17 +306,35 @@ fn fingerprint(root: &Path) -> Result<Vec<u8>> {
     Ok(digest.finalize().to_vec())
 }
 
-/// The topmost folder on the way to `root` that does not exist yet.
-fn first_missing(root: &Path) -> Option<PathBuf> {
-    root.ancestors().take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists()).last().map(Path::to_owned)
+/// Makes a folder and those above it; returns those that were made here, the innermost first.
+fn make_folders(root: &Path) -> Result<Vec<PathBuf>> {
+    let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+    let missing: Vec<&Path> = root.ancestors().take_while(is_missing).collect();
+    let mut made = Vec::new();
+    for folder in missing.into_iter().rev() {
+        match std::fs::create_dir(folder) {
+            Ok(()) => made.insert(0, folder.to_owned()),
+            // Another process was faster.
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
+            Err(error) => {
+                remove_empty(&made);
+                return Err(error).with_context(|| durable::cannot_write(folder));
+            }
+        }
+    }
+    Ok(made)
 }
 
-fn remove_made(root: &Path, made: Option<&Path>) {
-    if let Some(made) = made {
-        let _ = std::fs::remove_dir_all(made);
-        return;
+/// Removes folders that are still empty, in this order.
+fn remove_empty(folders: &[PathBuf]) {
+    for folder in folders {
+        let _ = std::fs::remove_dir(folder);
     }
-    for name in [".lock", "journal.jsonl", "project.toml"] {
-        let _ = std::fs::remove_file(root.join(name));
-    }
+}
+
+/// Whether a file is what a killed run left before it had made a project: nothing that anybody needs.
+fn is_remains(entry: &std::fs::DirEntry) -> bool {
+    let name = entry.file_name();
+    let is_empty = entry.metadata().is_ok_and(|found| found.is_file() && found.len() == 0);
+    is_empty && (name == ".lock" || name == "journal.jsonl") || disk::is_temporary(&name)
 }

@@ -49,7 +49,9 @@ impl Lock {
         let opened = AtomicFile::create(&path).and_then(|_probe| disk::open_in_place(&path));
         let file = opened.map_err(|why| LockError::NotWritable { root: root.to_owned(), why })?;
         match try_patiently(&file) {
-            Ok(()) => Ok(Self { file }),
+            Ok(()) if disk::is_still_at(&file, &path) => Ok(Self { file }),
+            // Who held it has removed it, after a project could not be made.
+            Ok(()) => Err(LockError::Held(root.to_owned())),
             Err(TryLockError::WouldBlock) => Err(LockError::Held(root.to_owned())),
             Err(TryLockError::Error(why)) => Err(LockError::NotLockable { root: root.to_owned(), why }),
         }

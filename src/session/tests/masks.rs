@@ -1,3 +1,4 @@
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use glam::DVec2;
@@ -6,7 +7,8 @@ use super::making::{perform, pictures};
 use crate::frames::{FrameFolder, OpenRequest};
 use crate::masks::{Click, LabelId, LabelMask, Prompt};
 use crate::session::{
-    Command, MaskOrigin, NewProject, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest, Session,
+    Command, Event, MaskOrigin, NewProject, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest,
+    Session,
 };
 
 const PLANT: LabelId = LabelId(1);
@@ -89,6 +91,16 @@ fn clicks_on_a_drawn_mask_mend_it_until_it_is_taken_off() {
     perform(&mut session, click(STONE, &[])).unwrap();
     perform(&mut session, click(STONE, &[(30.5, 20.5)])).unwrap();
     assert!(!corrects(&session), "who clicks on nothing begins a mask");
+}
+
+#[test]
+fn frames_are_made_ready_past_a_neighbour_that_cannot_be_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    std::fs::write(folder.path().join("pictures/1.png"), "").unwrap();
+    session.prepare(0, "builtin");
+    let events = session.settle(|_| ControlFlow::Continue(()));
+    assert!(!events.iter().any(|event| matches!(event, Event::Warning(_))), "{events:?}");
 }
 
 #[test]

@@ -45,6 +45,16 @@ fn frames_without_depth_or_camera_are_left_as_they_are() {
 }
 
 #[test]
+fn an_anchor_that_cannot_be_read_does_not_silence_the_others() {
+    let made = Made::new(8);
+    std::fs::write(made.frames[7].depth.as_ref().unwrap().sensor_path().unwrap(), "").unwrap();
+    let result = outcome(&made, &made.request(&[0, 7], Direction::Both), 4, swapped(&made));
+    assert!(result.lines[0].starts_with("geometry mended"), "{:?}", result.lines);
+    let unread: Vec<&String> = result.lines.iter().filter(|line| line.contains("cannot be read")).collect();
+    assert!(unread.len() == 1 && unread[0].ends_with(": 007"), "{:?}", result.lines);
+}
+
+#[test]
 fn frames_that_the_tracker_passes_over_are_named() {
     let mut made = Made::new(8);
     made.frames[2].name = UNREADABLE.into();

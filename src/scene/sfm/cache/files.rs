@@ -95,10 +95,11 @@ impl FeatureCache {
         failure.map(|why| format!("features and matches are not kept for the next run: {why}"))
     }
 
-    pub(super) fn features(&self, key: &Key) -> Option<Features> {
+    /// The features of a key, where they are kept and `is_right`.
+    pub(super) fn features(&self, key: &Key, is_right: impl FnOnce(&Features) -> bool) -> Option<Features> {
         let path = self.features_path(key);
-        let found =
-            is_own_folder(&self.folder).then(|| read(&path)).flatten().and_then(|bytes| decode_features(&bytes));
+        let bytes = is_own_folder(&self.folder).then(|| read(&path)).flatten();
+        let found = bytes.and_then(|bytes| decode_features(&bytes)).filter(is_right);
         let counts = if found.is_some() { &self.found } else { &self.made };
         counts.pictures.fetch_add(1, Ordering::Relaxed);
         if found.is_some() {

@@ -3,6 +3,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec2;
+use sha2::{Digest, Sha256};
 
 use super::*;
 use crate::scene::sfm::{Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features};
@@ -135,6 +136,34 @@ fn a_damaged_or_foreign_file_costs_the_work_again() {
         run.matches(&[&right, &right], (0, 1));
         assert_eq!(run.count(), (number + 2, number + 2), "and whole again");
     }
+}
+
+#[test]
+fn whole_files_of_other_pictures_are_not_taken() {
+    let scratch = tempfile::tempdir().unwrap();
+    let run = Run { folder: scratch.path().join("cache"), worker: Worker::default() };
+    let (small, large) = (vec![0.25; 24], vec![0.25; 48]);
+    let right = run.features("a", &small, None);
+    let of_small = files(&run.folder).remove(0);
+    run.features("a", &large, None);
+    let of_large = files(&run.folder).into_iter().find(|path| *path != of_small).unwrap();
+    fs::copy(of_large, &of_small).unwrap();
+    assert_eq!(run.features("a", &small, None), right);
+    // The same for matches: of pictures with fewer keypoints than the file names.
+    let wide = run.features("a", &large, None);
+    run.matches(&[&wide, &wide], (0, 1));
+    let is_matches = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().starts_with("matches-");
+    let of_wide = files(&run.folder).into_iter().find(is_matches).unwrap();
+    let narrow = run.matches(&[&right, &right], (0, 1));
+    let mut bytes = fs::read(&of_wide).unwrap();
+    let of_narrow = files(&run.folder).into_iter().find(|path| is_matches(path) && *path != of_wide).unwrap();
+    let key = fs::read(&of_narrow).unwrap()[8..40].to_vec();
+    bytes[8..40].copy_from_slice(&key);
+    let content = bytes.len() - 32;
+    let digest = Sha256::digest(&bytes[..content]);
+    bytes[content..].copy_from_slice(&digest);
+    fs::write(&of_narrow, bytes).unwrap();
+    assert_eq!(run.matches(&[&right, &right], (0, 1)), narrow);
 }
 
 #[test]

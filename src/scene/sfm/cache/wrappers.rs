@@ -1,3 +1,4 @@
+use glam::DVec2;
 use sha2::{Digest, Sha256};
 
 use super::FeatureCache;
@@ -36,7 +37,7 @@ impl FeatureExtractor for CachedExtractor<'_> {
         let bits = allowed.unwrap_or_default().chunks(4096);
         bits.for_each(|bits| digest.update(bits.iter().map(|&bit| u8::from(bit)).collect::<Vec<u8>>()));
         let key: Key = digest.finalize().into();
-        if let Some(known) = self.cache.features(&key) {
+        if let Some(known) = self.cache.features(&key, |known| are_of(known, width, height)) {
             return Ok(known);
         }
         let made = self.extractor.extract(grey, width, height, allowed)?;
@@ -135,9 +136,21 @@ impl PairKeys {
     }
 }
 
-/// Whether matches name keypoints that are there.
+/// Whether features can be those of a picture of this size: the folder may come from a stranger.
+fn are_of(features: &Features, width: usize, height: usize) -> bool {
+    let (x_end, y_end) = (width as f64, height as f64);
+    let is_inside = |at: &DVec2| (0.0..=x_end).contains(&at.x) && (0.0..=y_end).contains(&at.y);
+    (features.width as usize, features.height as usize) == (width, height)
+        && features.keypoints.iter().all(is_inside)
+        && features.scales_px.iter().chain(&features.scores).all(|value| value.is_finite())
+        && features.descriptors.as_floats().is_none_or(|values| values.iter().all(|value| value.is_finite()))
+        && features.descriptors.len() == features.keypoints.len()
+}
+
+/// Whether matches name keypoints that are there, in order.
 fn fits(matches: &Matches, counts: [usize; 2]) -> bool {
     matches.iter().all(|&(a, b)| (a as usize) < counts[0] && (b as usize) < counts[1])
+        && matches.is_sorted_by(|one, next| one.0 < next.0)
 }
 
 /// A digest of names, each with its length, so that no two lists give the same bytes.

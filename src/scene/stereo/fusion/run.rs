@@ -8,6 +8,8 @@ use super::cloud::{Contributor, DenseCloud, FusedView};
 use super::options::FusionOptions;
 use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore, Image};
+use crate::scene::SceneError;
+use crate::scene::fuse::{naming, readable};
 use crate::scene::stereo::filter::{Agreement, Match, Neighbour};
 use crate::scene::stereo::patchmatch::{Picture, Raster, Tones};
 use crate::scene::stereo::raster::{raster_camera, raster_image};
@@ -19,10 +21,11 @@ use crate::scene::stereo::{DepthEstimate, DepthStore, Stage, StereoError};
 /// own ray, at the median of what their planes say; every pixel is used once.
 ///
 /// `neighbours` gives for each view the frames that it was compared with. The same input gives the same bytes, whatever
-/// the number of threads.
+/// the number of threads. A view whose picture or depth cannot be read makes no points of its own; the line that is
+/// returned with the cloud names such views.
 ///
 /// # Errors
-/// [`StereoError::Scene`] where depths or pictures cannot be read, [`StereoError::Stopped`].
+/// [`StereoError::Scene`] where no view can be read, [`StereoError::Stopped`].
 pub fn fuse_depths(
     frames: &[Frame],
     neighbours: &BTreeMap<usize, Vec<usize>>,
@@ -30,9 +33,10 @@ pub fn fuse_depths(
     depths: &dyn DepthStore,
     options: &FusionOptions,
     progress: &Progress,
-) -> Result<DenseCloud, StereoError> {
+) -> Result<(DenseCloud, Option<String>), StereoError> {
     progress.stage("fuse")?;
     let mut cloud = DenseCloud { offsets: vec![0], ..DenseCloud::default() };
+    let (mut unreadable, mut is_any) = (Vec::new(), false);
     let mut used: Vec<Vec<bool>> = Vec::new();
     let places: BTreeMap<usize, usize> = neighbours.keys().enumerate().map(|(at, &frame)| (frame, at)).collect();
     for &number in places.keys() {
@@ -43,18 +47,26 @@ pub fn fuse_depths(
     }
     for (&number, &place) in &places {
         progress.step(place, places.len())?;
-        let Some(estimate) = depths.load(number, Stage::Complete)? else { continue };
+        let Some(estimate) = readable(depths.load(number, Stage::Complete))? else {
+            unreadable.push(number);
+            continue;
+        };
+        let Some(estimate) = estimate else { continue };
         let (Some((camera, pose)), Some(own)) = (frames[number].posed_camera(), picture(&frames[number], max_side))
         else {
             continue;
         };
-        let colors = raster_image(&frames[number], camera, store, max_side).map_err(crate::scene::SceneError::from)?;
+        let colors = raster_image(&frames[number], camera, store, max_side).map_err(SceneError::from);
+        let Some(colors) = readable(colors)? else {
+            unreadable.push(number);
+            continue;
+        };
+        is_any = true;
         let around = connected(neighbours, number);
         let mut others = Vec::new();
         for other in around {
-            let (Some(&at), Some(estimate)) = (places.get(&other), depths.load(other, Stage::Complete)?) else {
-                continue;
-            };
+            let Some(&at) = places.get(&other) else { continue };
+            let Some(estimate) = readable(depths.load(other, Stage::Complete))?.flatten() else { continue };
             if let Some(picture) = picture(&frames[other], max_side) {
                 others.push((at, Neighbour::new(&own, &picture, estimate)));
             }
@@ -72,7 +84,12 @@ pub fn fuse_depths(
         let needed = options.min_pixels.clamp(1, others.len() + 1);
         view.add_points(&mut cloud, &mut used, needed, progress)?;
     }
-    Ok(cloud)
+    if let Some(&first) = unreadable.first().filter(|_| !is_any) {
+        depths.load(first, Stage::Complete)?;
+        store.image(&frames[first]).map_err(SceneError::from)?;
+    }
+    let names: Vec<&str> = unreadable.iter().map(|&number| frames[number].name.as_str()).collect();
+    Ok((cloud, naming("cannot be read (image or depth) and give no points of their own; check their files", &names)))
 }
 
 /// A picture's geometry without its pixels.

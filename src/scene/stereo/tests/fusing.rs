@@ -5,7 +5,9 @@ use glam::{DVec2, DVec3, Vec3};
 use super::wall::{SIZE, camera, frame, grey, pose, seen};
 use crate::engine::job::Progress;
 use crate::frames::FrameStore;
-use crate::scene::stereo::{DenseCloud, DepthEstimate, DepthStore, FusionOptions, MemoryDepths, Stage, fuse_depths};
+use crate::scene::stereo::{
+    DenseCloud, DepthEstimate, DepthStore, FusionOptions, MemoryDepths, Stage, StereoError, fuse_depths,
+};
 
 /// The wall as a view sees it.
 fn exact(index: usize) -> DepthEstimate {
@@ -21,8 +23,19 @@ fn exact(index: usize) -> DepthEstimate {
 }
 
 fn fused(change: impl Fn(usize, &mut DepthEstimate)) -> DenseCloud {
+    fused_without(&[], change).unwrap().0
+}
+
+/// The cloud where the pictures of some views are damaged, and the line that names these.
+fn fused_without(
+    damaged: &[usize],
+    change: impl Fn(usize, &mut DepthEstimate),
+) -> Result<(DenseCloud, Option<String>), StereoError> {
     let folder = tempfile::tempdir().unwrap();
     let frames: Vec<_> = (0..2).map(|index| frame(folder.path(), index, &grey(&pose(index)))).collect();
+    for &index in damaged {
+        std::fs::write(frames[index].picture.path(), "").unwrap();
+    }
     let depths = MemoryDepths::default();
     for index in 0..2 {
         let mut estimate = exact(index);
@@ -31,7 +44,7 @@ fn fused(change: impl Fn(usize, &mut DepthEstimate)) -> DenseCloud {
     }
     let neighbours = BTreeMap::from([(0, vec![1]), (1, vec![0])]);
     let store = FrameStore::new(1 << 20);
-    fuse_depths(&frames, &neighbours, (&store, 160), &depths, &FusionOptions::default(), &Progress::default()).unwrap()
+    fuse_depths(&frames, &neighbours, (&store, 160), &depths, &FusionOptions::default(), &Progress::default())
 }
 
 fn off_the_wall(position: &Vec3) -> f32 {
@@ -58,4 +71,14 @@ fn depths_that_disagree_make_no_point() {
         }
     });
     assert!(cloud.is_empty(), "{}", cloud.len());
+}
+
+#[test]
+fn a_view_that_cannot_be_read_makes_no_points_of_its_own_and_is_named() {
+    let (cloud, warning) = fused_without(&[0], |_, _| ()).unwrap();
+    assert!(warning.as_ref().is_some_and(|line| line.contains("1 frames") && line.contains("0.png")), "{warning:?}");
+    assert!(cloud.len() > 5000, "{}", cloud.len());
+    assert!((0..cloud.len()).all(|point| cloud.contributors(point)[0].view == 1));
+    let error = fused_without(&[0, 1], |_, _| ()).unwrap_err().to_string();
+    assert!(error.contains("0.png"), "{error}");
 }

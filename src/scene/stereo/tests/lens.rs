@@ -62,7 +62,7 @@ fn depth_is_right_through_a_lens_with_distortion() {
         // Points lie on the wall, and where the pixels of the pictures as taken see it.
         let neighbours = BTreeMap::from([(0, vec![1, 2]), (1, vec![0, 2]), (2, vec![0, 1])]);
         let (options, progress) = (FusionOptions::default(), Progress::default());
-        let cloud = fuse_depths(&frames, &neighbours, (&store, SIZE.0), &depths, &options, &progress).unwrap();
+        let (cloud, _) = fuse_depths(&frames, &neighbours, (&store, SIZE.0), &depths, &options, &progress).unwrap();
         let is_near = |point: usize| {
             cloud.contributors(point).iter().all(|&by| {
                 let Some((x, y)) = cloud.frame_pixel(by) else { return true };

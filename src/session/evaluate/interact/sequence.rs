@@ -8,7 +8,7 @@ use crate::engine::job::Progress;
 use crate::frames::{Frame, FrameStore};
 use crate::masks::{LabelId, LabelTree, MaskFormat, MaskFrame, RunMask, import_masks};
 use crate::session::Project;
-use crate::session::evaluate::frames::{PIXEL_BYTES, read_frames};
+use crate::session::evaluate::frames::{PIXEL_BYTES, read_frames, readable_frames};
 
 /// Frames with true masks.
 pub struct Sequence {
@@ -24,18 +24,24 @@ pub struct Sequence {
 
 impl Sequence {
     /// Opens frames (a folder, a film, or a project, whose frames have depth and cameras) and the folder of their true
-    /// masks, matched by name as by [`import_masks`]. Gives with it what the user should know.
+    /// masks, matched by name as by [`import_masks`]. Frames whose image or depth cannot be read are left out. Gives with it
+    /// what the user should know.
     ///
     /// # Errors
-    /// When frames or masks cannot be read, or no mask belongs to a frame.
+    /// When no frame or no mask can be read, or no mask belongs to a frame.
     pub fn open(frames: &Path, truth: &Path, progress: &Progress) -> Result<(Self, Vec<String>)> {
+        // Depths that a reconstruction made lie in the project's folder.
+        let store = FrameStore::at_home(PIXEL_BYTES, frames.to_owned());
         let (frames, mut warnings) = read_frames(frames, progress)?;
+        let read = |frame: &Frame| store.image(frame).and_then(|_| store.depth(frame)).map(drop);
+        let (frames, unreadable) = readable_frames(frames, read, progress)?;
+        warnings.extend(unreadable);
         let sized: Vec<MaskFrame<'_>> = frames.iter().map(MaskFrame::from).collect();
         let imported = import_masks(truth, MaskFormat::Davis, &sized, &LabelTree::default(), progress)?;
         warnings.extend(imported.warnings);
         let labels = LabelTree::try_from(imported.new_labels)?;
-        let store = Arc::new(FrameStore::new(PIXEL_BYTES));
-        Ok((Self { frames: Arc::new(frames), store, labels, truth: imported.masks }, warnings))
+        let (frames, store) = (Arc::new(frames), Arc::new(store));
+        Ok((Self { frames, store, labels, truth: imported.masks }, warnings))
     }
 
     /// The labels that the truth shows anywhere.
