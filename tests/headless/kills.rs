@@ -13,7 +13,8 @@ use rand_pcg::Pcg64Mcg;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// A kind of job: its command line, with `P` for the project, `R` for the recording and `O` for a folder of outputs.
+/// A kind of job: its command line, with `P` for the project of an RGB-D recording, `Q` for one of its images alone, `R` for
+/// the recording and `O` for a folder of outputs.
 struct Job {
     name: &'static str,
     args: &'static [&'static str],
@@ -23,9 +24,9 @@ const JOBS: [Job; 14] = [
     Job { name: "prompt", args: &["prompt", "P", "--frame", "3", "--label", "rice", "--click", "48,64"] },
     Job { name: "track by flow", args: &["track", "P", "--tracker", "flow"] },
     Job { name: "track by geometry", args: &["track", "P", "--tracker", "geometry"] },
-    Job { name: "stereo", args: &["reconstruct", "P", "--method", "mvs"] },
+    Job { name: "stereo", args: &["reconstruct", "Q", "--method", "mvs"] },
     Job { name: "registration", args: &["reconstruct", "P", "--method", "rgbd"] },
-    Job { name: "structure from motion", args: &["reconstruct", "P", "--method", "sfm"] },
+    Job { name: "structure from motion", args: &["reconstruct", "Q", "--method", "sfm"] },
     Job { name: "fuse", args: &["fuse", "P", "--voxel", "0.004"] },
     Job {
         name: "export cloud and mesh",
@@ -42,7 +43,7 @@ const JOBS: [Job; 14] = [
     Job { name: "new", args: &["new", "O/new", "--frames", "R/color", "--depth", "R/depth", "--cameras", "R/sparse"] },
 ];
 
-/// A demo project, fresh copies of which are killed.
+/// Projects in which jobs are killed.
 struct Bench {
     folder: TempDir,
 }
@@ -53,6 +54,9 @@ impl Bench {
         let bench = Self { folder };
         bench.done(&["demo", "D", "--headless", "--frames", "6", "--size", "96x128"]);
         bench.done(&["masks", "P", "export", "R/labels"]);
+        bench.done(&["new", "Q", "--frames", "R/color", "--cameras", "R/sparse"]);
+        bench.done(&["label", "Q", "rice"]);
+        bench.done(&["prompt", "Q", "--frame", "0", "--label", "rice", "--click", "48,64"]);
         bench
     }
 
@@ -62,7 +66,7 @@ impl Bench {
 
     /// The command with the letters of its arguments replaced by paths.
     fn command(&self, args: &[&str]) -> Command {
-        let places = [("D", "demo"), ("P", "demo/project"), ("R", "demo/recording"), ("O", "out")];
+        let places = [("D", "demo"), ("P", "demo/project"), ("Q", "images"), ("R", "demo/recording"), ("O", "out")];
         let mut command = Command::new(env!("CARGO_BIN_EXE_ostra"));
         command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").stdout(Stdio::piped()).stderr(Stdio::piped());
         for arg in args {
@@ -86,19 +90,19 @@ impl Bench {
         let begun = Instant::now();
         let output = self.command(job.args).output().unwrap();
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
-        // Stereo answers that a sensor gave the depths, and six small views may be too few for a method.
+        // Six small views may be too few for a method.
         assert!(matches!(output.status.code(), Some(0 | 1)), "{}: {text}", job.name);
         assert!(!text.contains("panic"), "{}: {text}", job.name);
         begun.elapsed()
     }
 
     /// What must survive: the labels, and the masks of the keyframes as an export writes them.
-    fn kept(&self) -> (Vec<String>, BTreeMap<String, Vec<u8>>) {
-        let info: Value = serde_json::from_str(&self.done(&["info", "P", "--json"])).unwrap();
+    fn kept(&self, project: &str) -> (Vec<String>, BTreeMap<String, Vec<u8>>) {
+        let info: Value = serde_json::from_str(&self.done(&["info", project, "--json"])).unwrap();
         let labels = info["labels"].as_array().unwrap().iter().map(|label| label["name"].to_string()).collect();
         let kept = self.path("kept");
         let _ = std::fs::remove_dir_all(&kept);
-        self.done(&["masks", "P", "export", kept.to_str().unwrap()]);
+        self.done(&["masks", project, "export", kept.to_str().unwrap()]);
         let keyframes = info["frames"].as_array().unwrap().iter().filter(|frame| frame["mask"] == "anchor");
         let masks = keyframes.map(|frame| {
             let name = Path::new(frame["name"].as_str().unwrap()).with_extension("png");
@@ -157,8 +161,9 @@ fn kills_of_every_kind_of_job_lose_nothing() {
         let job = &JOBS[kill % JOBS.len()];
         let _ = std::fs::remove_dir_all(bench.path("out"));
         std::fs::create_dir_all(bench.path("out")).unwrap();
-        bench.done(&["label", "P", &format!("before kill {kill}")]);
-        let before = bench.kept();
+        let project = if job.args.contains(&"Q") { "Q" } else { "P" };
+        bench.done(&["label", project, &format!("before kill {kill}")]);
+        let before = bench.kept(project);
         let mut child = bench.command(job.args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         let until = Instant::now() + durations[kill % JOBS.len()].mul_f64(random.random_range(0.0..0.95));
         let mut ended = None;
@@ -169,7 +174,7 @@ fn kills_of_every_kind_of_job_lose_nothing() {
         child.kill().unwrap();
         child.wait().unwrap();
         *hit.entry(job.name).or_insert(0_usize) += usize::from(ended.is_none());
-        let after = bench.kept();
+        let after = bench.kept(project);
         assert!(after.0.starts_with(&before.0), "{}: labels {:?} became {:?}", job.name, before.0, after.0);
         if job.name != "import masks" && job.name != "prompt" {
             for (frame, mask) in &before.1 {
@@ -183,8 +188,10 @@ fn kills_of_every_kind_of_job_lose_nothing() {
     }
     println!("kills that hit a running job: {hit:?}");
     // What the kills left behind goes with the next edit.
-    bench.done(&["label", "P", "after all"]);
-    let mut folders = vec![bench.path("demo/project")];
+    for project in ["P", "Q"] {
+        bench.done(&["label", project, "after all"]);
+    }
+    let mut folders = vec![bench.path("demo/project"), bench.path("images")];
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(folder).unwrap() {
             let entry = entry.unwrap();

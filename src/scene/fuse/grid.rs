@@ -1,3 +1,5 @@
+use std::hash::BuildHasherDefault;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -16,6 +18,8 @@ const NORMAL_STEPS: f32 = 1024.0;
 /// Samples that a voxel takes, enough for a mean that another does not move. The sums stay within 32 bits, with those of the six
 /// neighbours that may give theirs to it.
 const MAX_SAMPLES: u32 = 1 << 15;
+/// Samples whose voxels are looked up together.
+const LOOKED_UP: usize = 64;
 /// Voxels from the origin in each direction that the grid reaches.
 const REACH: i32 = 1 << 20;
 /// Where the indices along x, y and z begin in a key.
@@ -104,9 +108,10 @@ pub(super) fn cell_key(index: [i32; 3]) -> u64 {
 }
 
 impl Grid {
-    /// An empty grid of voxels with edge `voxel`, counted from the point `near`.
-    pub(super) fn new(near: DVec3, voxel: f64) -> Self {
-        let shards = (0..SHARDS).map(|_| VoxelMap::default()).collect();
+    /// An empty grid of voxels with edge `voxel`, counted from the point `near`, with room for about so many of them.
+    pub(super) fn new(near: DVec3, voxel: f64, expected: usize) -> Self {
+        let room = || VoxelMap::with_capacity_and_hasher(expected / SHARDS, BuildHasherDefault::default());
+        let shards = (0..SHARDS).map(|_| room()).collect();
         Self { origin: (near / voxel).floor() * voxel, voxel, shards, blocks: Vec::new(), frames: 0 }
     }
 
@@ -157,13 +162,15 @@ impl Grid {
         self.blocks = Vec::new();
         let merged = if one_layer { merge_layers(&mut self.shards, progress)? } else { 0 };
         let filled = self.voxels();
-        let mut kept: Vec<(u64, Voxel)> = Vec::with_capacity(filled);
+        // With their place along the curve, which is worked out once for each.
+        let mut kept: Vec<(u64, u64, Voxel)> = Vec::with_capacity(filled);
         for shard in self.shards {
             progress.check()?;
-            kept.extend(shard.into_iter().filter(|(_, voxel)| voxel.views >= min_views));
+            let seen = shard.into_iter().filter(|(_, voxel)| voxel.views >= min_views);
+            kept.extend(seen.map(|(key, voxel)| (morton([key >> 42, key >> 21, key]), key, voxel)));
         }
-        kept.par_sort_unstable_by_key(|&(key, _)| morton([key >> 42, key >> 21, key]));
-        let position = |&(key, sum): &(u64, Voxel)| {
+        kept.par_sort_unstable_by_key(|&(place, ..)| place);
+        let position = |&(_, key, sum): &(u64, u64, Voxel)| {
             // Fractions were cut off to whole steps, on average by half a step.
             let mean = |sum_of: i32| (f64::from(sum_of) / f64::from(sum.samples) + 0.5) / f64::from(FRACTION);
             let fraction = DVec3::from_array(sum.fraction.map(mean));
@@ -171,10 +178,10 @@ impl Grid {
         };
         Ok(GridPoints {
             positions: kept.par_iter().map(position).collect(),
-            normals: kept.par_iter().map(|(_, sum)| sum.mean_normal()).collect(),
+            normals: kept.par_iter().map(|(.., sum)| sum.mean_normal()).collect(),
             colors: kept
                 .par_iter()
-                .map(|(_, sum)| sum.color.map(|c| ((c + sum.samples / 2) / sum.samples) as u8))
+                .map(|(.., sum)| sum.color.map(|c| ((c + sum.samples / 2) / sum.samples) as u8))
                 .collect(),
             few_views: filled - kept.len(),
             merged,
@@ -182,8 +189,18 @@ impl Grid {
     }
 }
 
-/// Adds one block's samples; runs in the same voxel are summed before the voxel is looked up.
+/// Adds one block's samples.
 fn add_samples(voxels: &mut VoxelMap, samples: &[Sample], frame: u32) {
+    for piece in samples.chunks(LOOKED_UP) {
+        // Looked up one right after the other, so that the processor waits for the memory of several voxels at once.
+        let known = piece.chunk_by(|a, b| a.key == b.key).filter(|run| voxels.contains_key(&run[0].key)).count();
+        std::hint::black_box(known);
+        add_piece(voxels, piece, frame);
+    }
+}
+
+/// Runs in the same voxel are summed before the voxel is looked up.
+fn add_piece(voxels: &mut VoxelMap, samples: &[Sample], frame: u32) {
     for run in samples.chunk_by(|a, b| a.key == b.key) {
         let voxel = voxels.entry(run[0].key).or_default();
         for sample in run {

@@ -62,12 +62,13 @@ pub fn fuse(
     let mut report = FuseReport::default();
     let usable = usable_frames(views, &mut report)?;
     progress.stage("fuse")?;
-    report.voxel = match options.voxel {
-        Some(voxel) => voxel,
+    let (voxel, expected) = match options.voxel {
+        Some(voxel) => (voxel, 0),
         None => choose_voxel(views, &usable, &mut report, progress)?,
     };
+    report.voxel = voxel;
     let points = loop {
-        match make_points(views, &usable, options, &mut report, progress)? {
+        match make_points(views, &usable, options, expected, &mut report, progress)? {
             Some(points) => break points,
             // Few frames are looked at to choose; others may see much more.
             None if options.voxel.is_none() => report.voxel = two_digits(report.voxel * COARSER),
@@ -91,17 +92,18 @@ pub fn fuse(
     Ok(finish(labelled(cloud, &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
 }
 
-/// A size for the voxels that nobody gave.
+/// A size for the voxels that nobody gave, and about how many there will be.
 fn choose_voxel(
     views: &dyn Views,
     usable: &[usize],
     report: &mut FuseReport,
     progress: &Progress,
-) -> Result<f64, SceneError> {
+) -> Result<(f64, usize), SceneError> {
     let coverage = Coverage::measure(views, usable, false, progress)?
         .ok_or_else(|| usable.first().and_then(|&first| views.fault(first)).unwrap_or_else(no_depth))?;
     report.chosen = Some(ChosenVoxel { footprint: coverage.footprint, views: coverage.views });
-    Ok(coverage.point_voxel())
+    let voxel = coverage.point_voxel();
+    Ok((voxel, (coverage.cells(voxel) as usize).min(MANY_VOXELS)))
 }
 
 fn too_many(voxel: f64) -> SceneError {
@@ -158,12 +160,13 @@ fn make_points(
     views: &dyn Views,
     usable: &[usize],
     options: &FuseOptions,
+    expected: usize,
     report: &mut FuseReport,
     progress: &Progress,
 ) -> Result<Option<GridPoints>, SceneError> {
     (report.frames_fused, report.pixels, report.dropped) = Default::default();
     let most = if options.voxel.is_some() { MAX_VOXELS } else { MANY_VOXELS };
-    let mut grid = Grid::new(nearest_corner(views, usable), report.voxel);
+    let mut grid = Grid::new(nearest_corner(views, usable), report.voxel, expected);
     let mut rays: Option<Rays> = None;
     let mut unreadable = Vec::new();
     let mut next = load(views, usable[0])?;

@@ -1,3 +1,5 @@
+#![expect(clippy::disallowed_types, reason = "look-ups alone; their order reaches no result")]
+
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
@@ -47,4 +49,35 @@ fn block_of(key: u64) -> u64 {
 /// The shard that a voxel is kept in: that of its block.
 pub(super) fn shard_of(key: u64) -> usize {
     (block_of(key).wrapping_mul(SPREAD) >> 59) as usize % SHARDS
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::hash::BuildHasher;
+
+    use super::super::grid::cell_key;
+    use super::*;
+
+    #[test]
+    fn voxels_of_a_block_are_kept_together_and_blocks_apart() {
+        let hasher = BuildHasherDefault::<VoxelHasher>::default();
+        let place = |key: u64| hasher.hash_one(key) & !TAG;
+        let block = |corner: [i32; 3]| -> Vec<u64> {
+            let within = |at: i32| [corner[0] + (at & 3), corner[1] + (at >> 2 & 3), corner[2] + (at >> 4)];
+            (0..64).map(|at| cell_key(within(at))).collect()
+        };
+        let mut blocks = BTreeSet::new();
+        for corner in [[0, 0, 0], [4, 0, 0], [-4, 8, 12], [400, -800, 1200]] {
+            let keys = block(corner);
+            let places: BTreeSet<u64> = keys.iter().map(|&key| place(key)).collect();
+            assert_eq!(places.len(), 64);
+            assert_eq!(places.last().unwrap() - places.first().unwrap(), 63);
+            assert!(keys.iter().all(|&key| shard_of(key) == shard_of(keys[0])));
+            blocks.insert(places.first().unwrap() >> 6);
+        }
+        assert_eq!(blocks.len(), 4);
+        let shards: BTreeSet<usize> = (0..200).map(|at| shard_of(cell_key([4 * at, 0, 0]))).collect();
+        assert_eq!(shards.len(), SHARDS, "all are used");
+    }
 }

@@ -64,13 +64,15 @@ const REACH: usize = 3;
 const AT_A_RIM: f32 = 0.1;
 
 impl Measured {
-    /// `wanted` tells for a pixel of the frame whether voxels are to be made where it sees something.
+    /// `wanted` tells for a pixel of the frame whether voxels are to be made where it sees something; `pixels` lends the
+    /// memory of an earlier frame.
     pub(super) fn new(
         (camera, pose): (&Camera, &Pose),
         depth: &DepthMap,
         image: &Image,
         edge_tolerance: f32,
         wanted: impl Fn(usize) -> bool + Sync,
+        mut pixels: Vec<Pixel>,
     ) -> Self {
         let straight = straightened(camera);
         let (width, height) = (camera.width as usize, camera.height as usize);
@@ -85,9 +87,12 @@ impl Measured {
         let rotation = DMat3::from_quat(pose.rotation);
         let world_from_camera = rotation.transpose().as_mat3();
         let slopes = Slopes { width, height, inverse: &inverse, tolerance: edge_tolerance };
-        let pixel = |at: usize| {
-            let (Some(from), Some((slope, certainty))) = (source(at), slopes.at(at)) else { return Pixel::default() };
-            let ray = (Vec2::new((at % width) as f32, (at / width) as f32) + 0.5 - principal) / focal;
+        let pixel = |x: usize, y: usize| {
+            let at = y * width + x;
+            let (Some(from), Some((slope, certainty))) = (source(at), slopes.at(x, y)) else {
+                return Pixel::default();
+            };
+            let ray = (Vec2::new(x as f32, y as f32) + 0.5 - principal) / focal;
             // On a plane the inverse depth is linear in the ray: n · (x, y, 1) = 1 / depth.
             let across = slope * focal;
             let normal = across.extend(inverse[at] - across.dot(ray));
@@ -98,7 +103,10 @@ impl Measured {
             let (sight, color) = ((weight * 255.0) as u8, image.pixels[from]);
             Pixel { depth, slant, weight, sight, normal: facing, color, wanted: wanted(from) }
         };
-        let pixels = (0..width * height).into_par_iter().map(pixel).collect();
+        pixels.resize(width * height, Pixel::default());
+        pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+            row.iter_mut().enumerate().for_each(|(x, place)| *place = pixel(x, y));
+        });
         Self { width, height, focal, principal, pixels, rotation, translation: pose.translation }
     }
 }
@@ -131,11 +139,11 @@ struct Slopes<'a> {
 impl Slopes<'_> {
     /// The change for a step right and down, along the neighbours on the same surface, and how much it can be trusted, 0–1;
     /// `None` without such neighbours.
-    fn at(&self, at: usize) -> Option<(Vec2, f32)> {
+    fn at(&self, x: usize, y: usize) -> Option<(Vec2, f32)> {
+        let at = y * self.width + x;
         if self.inverse[at] == 0.0 {
             return None;
         }
-        let (x, y) = (at % self.width, at / self.width);
         let right = self.along(at, 1, [x, self.width - 1 - x]);
         let down = self.along(at, self.width, [y, self.height - 1 - y]);
         match (right, down) {

@@ -1,7 +1,7 @@
 use glam::DVec3;
 
 use super::blocks::Volume;
-use super::measured::Measured;
+use super::measured::{Measured, Pixel};
 use super::options::VolumeOptions;
 use crate::engine::job::Progress;
 use crate::masks::LabelId;
@@ -38,15 +38,16 @@ pub fn reconstruct_surface(
         .filter(|&index| views.frames()[index].posed_camera().is_some() && views.has_depth(index))
         .collect();
     let mut volume = Volume::new(nearest_corner(views, &usable), *options);
-    let mut next = usable.first().map(|&index| load(views, index, options)).transpose()?.flatten();
+    let mut next = usable.first().map(|&index| load(views, index, options, Vec::new())).transpose()?.flatten();
+    let mut spare = Vec::new();
     for done in 0..usable.len() {
         progress.step(done, usable.len())?;
-        let current = next.take();
+        let (current, lent) = (next.take(), std::mem::take(&mut spare));
         let (added, loaded) = rayon::join(
-            || current.map_or(Ok(()), |frame| volume.add(&frame, progress)),
-            || usable.get(done + 1).map_or(Ok(None), |&index| load(views, index, options)),
+            || current.map_or(Ok(Vec::new()), |frame| volume.add(&frame, progress).map(|()| frame.pixels)),
+            || usable.get(done + 1).map_or(Ok(None), |&index| load(views, index, options, lent)),
         );
-        added?;
+        spare = added?;
         next = loaded?;
         if volume.bytes() > options.max_bytes {
             return Err(SceneError::TooLarge { voxel: options.voxel, mebibytes: options.max_bytes >> 20 });
@@ -81,7 +82,13 @@ fn nearest_corner(views: &dyn Views, usable: &[usize]) -> DVec3 {
     centres.reduce(DVec3::min).unwrap_or_default()
 }
 
-fn load(views: &dyn Views, index: usize, options: &VolumeOptions) -> Result<Option<Measured>, SceneError> {
+/// A frame as the volume takes it; `pixels` lends the memory of an earlier one.
+fn load(
+    views: &dyn Views,
+    index: usize,
+    options: &VolumeOptions,
+    pixels: Vec<Pixel>,
+) -> Result<Option<Measured>, SceneError> {
     let frame = &views.frames()[index];
     let (image, depth) = rayon::join(|| views.image(index), || views.depth(index));
     let (Some(depth), Some((camera, pose))) = (depth?, frame.posed_camera()) else { return Ok(None) };
@@ -98,5 +105,5 @@ fn load(views: &dyn Views, index: usize, options: &VolumeOptions) -> Result<Opti
         Some(mask) => mask.ids.get(pixel).is_some_and(|&id| id != LabelId::NONE),
         None => !options.only_labelled,
     };
-    Ok(Some(Measured::new((camera, pose), &depth, &image, options.edge_tolerance, wanted)))
+    Ok(Some(Measured::new((camera, pose), &depth, &image, options.edge_tolerance, wanted, pixels)))
 }
