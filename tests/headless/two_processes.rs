@@ -42,7 +42,7 @@ fn of_processes_that_make_the_same_project_one_makes_it() {
         }
         let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
         let frames = info["frames"].as_array().unwrap().len();
-        assert_eq!(frames, if made[0] % 2 == 0 { 4 } else { 2 }, "the frames of the one that made it");
+        assert_eq!(frames, if made[0].is_multiple_of(2) { 4 } else { 2 }, "the frames of the one that made it");
     }
 }
 
