@@ -102,7 +102,7 @@ impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
     }
 }
 
-/// Fuzzes a target from within its test, which cargo-bolero finds by its name. `iterations` bounds the inputs of a plain
+/// Fuzzes a target from within its test, which `tests/fuzz/run` finds by its name. `iterations` bounds the inputs of a plain
 /// `cargo test`; `BOLERO_RANDOM_TEST_TIME_MS` replaces that bound by a time.
 macro_rules! fuzz {
     ($name:expr, $iterations:expr, $seeds:expr, $read:expr) => {{

@@ -1,8 +1,7 @@
 //! Fuzzing of every parser and of whole project folders.
 //!
 //! Each test is a fuzz target. `cargo test` gives every target a bounded number of random inputs. Coverage-guided runs
-//! use libFuzzer through [cargo-bolero](https://crates.io/crates/cargo-bolero), for as long as asked; see `SECURITY.md`
-//! for the commands.
+//! use libFuzzer for as long as asked: `tests/fuzz/run`.
 //!
 //! An input is a recipe of damage: which seed file to take and what to change in it ([`mutate`]). Seeds are written by the
 //! tests themselves ([`seeds`]), so that nothing has to be fetched and random inputs get past the first bytes of a format.
