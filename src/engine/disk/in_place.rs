@@ -14,7 +14,11 @@ use super::write;
 pub fn open_in_place(path: &Path) -> Result<File> {
     let found = match fs::symlink_metadata(path) {
         // Exclusive creation follows no link either.
-        Err(error) if error.kind() == ErrorKind::NotFound => return options().create_new(true).open(path),
+        Err(error) if error.kind() == ErrorKind::NotFound => match options().create_new(true).open(path) {
+            // Another process has made it since.
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => fs::symlink_metadata(path)?,
+            opened => return opened,
+        },
         found => found?,
     };
     check_regular(&found)?;
@@ -85,6 +89,18 @@ mod tests {
         assert_eq!((fs::read(&other).unwrap(), fs::read(&path).unwrap()), (b"theirs".to_vec(), b"ours!!".to_vec()));
         open_in_place(&path).unwrap().write_all(b"again!").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"again!");
+    }
+
+    #[test]
+    fn a_file_that_several_make_at_once_is_opened_by_all() {
+        for _ in 0..50 {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("lock");
+            std::thread::scope(|scope| {
+                let opened: Vec<_> = (0..4).map(|_| scope.spawn(|| open_in_place(&path).map(drop))).collect();
+                opened.into_iter().for_each(|one| one.join().unwrap().unwrap());
+            });
+        }
     }
 
     #[test]
