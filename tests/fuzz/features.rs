@@ -79,7 +79,7 @@ fn seeds() -> Vec<Seed> {
 #[test]
 fn kept_features() {
     fuzz!("kept features", 2000, seeds(), |folder, seed| {
-        // Whoever damages a file on purpose gives it the digest of its new content.
+        // An attacker would also update the digest.
         let content = &seed.bytes[..seed.bytes.len().saturating_sub(DIGEST)];
         let sealed = [content, &Sha256::digest(content)[..]].concat();
         std::fs::write(folder.join(&seed.path), sealed).unwrap();

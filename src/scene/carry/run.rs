@@ -90,7 +90,7 @@ impl<'a> Run<'a> {
     /// `None` where the frame, or all anchors that could tell of it, cannot be read.
     fn carry_to(&self, frame: usize) -> Result<Option<TrackedFrame>, MaskError> {
         let carried = match self.witnesses.tell_of(frame, self.progress)? {
-            Some(told) => self.witnesses.carry_to(frame, &told, self.progress)?,
+            Some(votes) => self.witnesses.carry_to(frame, &votes, self.progress)?,
             None => None,
         };
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;

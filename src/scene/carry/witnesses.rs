@@ -83,12 +83,12 @@ impl<'a> Witnesses<'a> {
     pub fn carry_to(
         &self,
         frame: usize,
-        told: &Testimony,
+        testimony: &Testimony,
         progress: &Progress,
     ) -> Result<Option<WalkedFrame>, MaskError> {
         let Some(image) = self.views.image(frame)? else { return Ok(None) };
-        let seen = (&told.target, told.depths.as_slice());
-        let (mask, confidence) = decide(&told.votes, seen, &image, self.options, progress)?;
+        let seen = (&testimony.target, testimony.depths.as_slice());
+        let (mask, confidence) = decide(&testimony.votes, seen, &image, self.options, progress)?;
         Ok(Some(WalkedFrame { mask, confidence }))
     }
 }

@@ -92,7 +92,7 @@ pub fn fuse(
     Ok(finish(labelled(cloud, &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
 }
 
-/// A size for the voxels that nobody gave, and about how many there will be.
+/// The default voxel size, and about how many voxels there will be.
 fn choose_voxel(
     views: &dyn Views,
     usable: &[usize],

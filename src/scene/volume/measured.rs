@@ -64,7 +64,7 @@ const REACH: usize = 3;
 const AT_A_RIM: f32 = 0.1;
 
 impl Measured {
-    /// `wanted` tells for a pixel of the frame whether voxels are to be made where it sees something; `pixels` lends the
+    /// `wanted`: whether voxels are made where a pixel of the frame sees something; `pixels` reuses the
     /// memory of an earlier frame.
     pub(super) fn new(
         (camera, pose): (&Camera, &Pose),
