@@ -83,30 +83,37 @@ impl<'a> Lift<'a> {
     /// Lifts some rows into samples, one list for each shard of the grid.
     pub(super) fn rows(&self, rows: std::ops::Range<u32>, shards: &mut [Vec<Sample>]) -> LiftCount {
         let mut count = LiftCount::default();
-        for y in rows {
-            let around = self.around(y as usize);
-            let first = y as usize * around.width;
-            for x in 0..around.width {
-                let depth = around.rows[REACH][x];
-                if !(depth > 0.0 && depth.is_finite()) {
-                    continue;
+        // Two rows at a time: pixels above each other often fall into one voxel, which then is looked up once for both.
+        for first in rows.clone().step_by(2) {
+            let pair = [first, first + 1].map(|y| rows.contains(&y).then(|| self.around(y as usize)));
+            for x in 0..self.depth.width as usize {
+                for around in pair.iter().flatten() {
+                    self.pixel(around, x, shards, &mut count);
                 }
-                count.measured += 1;
-                if self.flies(&around, x, depth) {
-                    count.flying += 1;
-                    continue;
-                }
-                let here = point(around.rays[REACH][x], depth);
-                let Some(cell) = Cell::holding(self.grid_from_camera * here + self.offset) else {
-                    count.beyond += 1;
-                    continue;
-                };
-                let key = cell_key(cell.index);
-                let normal = self.normal(&around, x, here);
-                shards[shard_of(key)].push(Sample::new(key, cell.fraction, self.image.pixels[first + x], normal));
             }
         }
         count
+    }
+
+    /// Lifts one pixel of a row.
+    fn pixel(&self, around: &Around<'_>, x: usize, shards: &mut [Vec<Sample>], count: &mut LiftCount) {
+        let depth = around.rows[REACH][x];
+        if !(depth > 0.0 && depth.is_finite()) {
+            return;
+        }
+        count.measured += 1;
+        if self.flies(around, x, depth) {
+            count.flying += 1;
+            return;
+        }
+        let here = point(around.rays[REACH][x], depth);
+        let Some(cell) = Cell::holding(self.grid_from_camera * here + self.offset) else {
+            count.beyond += 1;
+            return;
+        };
+        let key = cell_key(cell.index);
+        let normal = self.normal(around, x, here);
+        shards[shard_of(key)].push(Sample::new(key, cell.fraction, around.colors[x], normal));
     }
 
     /// The rows up to [`NORMAL_REACH`] above and below a row; those beyond the picture are empty.
@@ -117,7 +124,7 @@ impl<'a> Lift<'a> {
             (first < self.depth.depths.len()).then_some(first..first + width)
         };
         Around {
-            width,
+            colors: &self.image.pixels[y * width..(y + 1) * width],
             rows: std::array::from_fn(|row| range(row).map_or(&[][..], |range| &self.depth.depths[range])),
             rays: std::array::from_fn(|row| range(row).map_or(&[][..], |range| &self.rays.xy[range])),
         }
@@ -156,7 +163,7 @@ impl<'a> Lift<'a> {
 
 /// A row of a picture with those above and below it.
 struct Around<'a> {
-    width: usize,
+    colors: &'a [[u8; 3]],
     rows: [&'a [f32]; 2 * REACH + 1],
     rays: [&'a [[f32; 2]]; 2 * REACH + 1],
 }

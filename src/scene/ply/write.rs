@@ -1,5 +1,6 @@
 use std::borrow::Cow;
 use std::io::{BufWriter, Write};
+use std::ops::Range;
 use std::path::Path;
 
 use glam::Vec3;
@@ -7,14 +8,19 @@ use ply_rs::ply::{
     Addable, ElementDef, Encoding, Header, PropertyAccess, PropertyDef, PropertyType, ScalarType, Version,
 };
 use ply_rs::writer::Writer;
+use rayon::prelude::*;
 
 use super::names::{comments_of, origin_comment};
 use crate::engine::job::Progress;
 use crate::scene::whole_file::{unplaced, write_whole};
 use crate::scene::{LabelledCloud, LabelledMesh, SceneError};
 
-/// Points between two looks at the stop sign.
+/// Points between two looks at the stop sign, encoded together.
 const STRIDE: usize = 1 << 16;
+/// Points that one task encodes.
+const TASK: usize = 1 << 12;
+/// What a point takes: seven floats, a colour, a label.
+const POINT_BYTES: usize = 7 * 4 + 3 + 4;
 
 /// Which colours a written cloud gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -88,18 +94,28 @@ fn write<W: Write>(out: W, content: &Content<'_>, progress: &Progress) -> Result
     writer.write_header(&mut out, &header).map_err(unplaced)?;
     let colors = coloring.of(cloud);
     let Some(definition) = header.elements.get("vertex") else { return Ok(()) };
-    for index in 0..cloud.len() {
-        if index % STRIDE == 0 {
-            progress.step(index, cloud.len())?;
+    let encode = |task: Range<usize>| {
+        let (mut bytes, writer) = (Vec::with_capacity(task.len() * POINT_BYTES), Writer::<Point>::new());
+        for index in task {
+            let point = Point {
+                position: cloud.positions[index],
+                normal: cloud.normals[index],
+                color: colors[index],
+                label: cloud.labels[index].0,
+                confidence: cloud.confidence[index],
+            };
+            writer.write_little_endian_element(&mut bytes, &point, definition)?;
         }
-        let point = Point {
-            position: cloud.positions[index],
-            normal: cloud.normals[index],
-            color: colors[index],
-            label: cloud.labels[index].0,
-            confidence: cloud.confidence[index],
-        };
-        writer.write_little_endian_element(&mut out, &point, definition).map_err(unplaced)?;
+        Ok(bytes)
+    };
+    for first in (0..cloud.len()).step_by(STRIDE) {
+        progress.step(first, cloud.len())?;
+        let last = (first + STRIDE).min(cloud.len());
+        let tasks: Vec<usize> = (first..last).step_by(TASK).collect();
+        let encoded = tasks.into_par_iter().map(|first| encode(first..(first + TASK).min(last)));
+        for bytes in encoded.collect::<std::io::Result<Vec<Vec<u8>>>>().map_err(unplaced)? {
+            out.write_all(&bytes).map_err(unplaced)?;
+        }
     }
     for triangle in triangles.unwrap_or_default() {
         out.write_all(&[3]).map_err(unplaced)?;
