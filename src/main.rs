@@ -1,5 +1,7 @@
 //! The program: `ostra`.
 
+mod cli;
+
 fn main() -> std::process::ExitCode {
-    ostra::cli::main()
+    cli::main()
 }

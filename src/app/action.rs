@@ -2,7 +2,7 @@ use egui::{Key, KeyboardShortcut, Modifiers};
 use serde::{Deserialize, Serialize};
 
 use super::Tool;
-use crate::view::Side;
+use ostra_view::Side;
 
 /// Everything that can be done from a menu, the palette or a key: one list feeds menus, shortcuts, tooltips, the
 /// palette and the shortcut sheet.

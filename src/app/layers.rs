@@ -4,9 +4,9 @@ use egui::{Color32, ComboBox, FontId, Pos2, Rect, Stroke, Ui, Vec2};
 
 use super::canvas::CanvasMap;
 use super::{Action, ViewState};
-use crate::frames::{Frame, FrameStore};
-use crate::session::Drawings;
-use crate::view::{Layer, LayerPicture, draw_layer, ramp};
+use ostra_frames::{Frame, FrameStore};
+use ostra_session::Drawings;
+use ostra_view::{Layer, LayerPicture, draw_layer, ramp};
 
 /// Depth and the like, drawn as pictures on a worker thread, by frame number.
 pub type Layers = Drawings<(usize, Layer), Drawn>;

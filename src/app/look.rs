@@ -3,16 +3,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Layers;
-use crate::masks::{LabelTree, Region, RunMask};
-use crate::scene::doubt::FrameDoubt;
-use crate::scene::fuse::Votes;
-use crate::scene::measure::{LengthUnit, TraitRow};
-use crate::scene::select::Selection;
-use crate::scene::{LabelledCloud, LabelledMesh};
-use crate::session::{
-    Angles, Engine, EngineKind, Estimate, Grounding, JobView, Pictures, Project, ProposedInstances, Row, SparseModel,
-    Suggestion,
-};
+use ostra_cloud::doubt::FrameDoubt;
+use ostra_cloud::fuse::Votes;
+use ostra_cloud::measure::{LengthUnit, TraitRow};
+use ostra_cloud::select::Selection;
+use ostra_cloud::{LabelledCloud, LabelledMesh};
+use ostra_compute::nn::Row;
+use ostra_masks::{LabelTree, Region, RunMask};
+use ostra_project::{Estimate, Project};
+use ostra_session::JobView;
+use ostra_session::{Angles, Engine, EngineKind, Grounding, Pictures, ProposedInstances, SparseModel, Suggestion};
 
 /// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
 #[derive(Clone, Copy)]

@@ -4,7 +4,7 @@ use super::panels::has_chosen;
 use super::ranges::{is_range_change, range_request, split_at};
 use super::tips::action_button;
 use super::{Action, Look, MenuName, ViewState};
-use crate::session::{Command, EngineKind};
+use ostra_session::{Command, EngineKind};
 
 /// The menu bar, made from the list of actions, with undo and redo at its end.
 pub(super) fn menu_bar_ui(

@@ -7,9 +7,10 @@ use super::panels::{Asked, Ruler, add_label, listed, next_worst, pairs_in};
 use super::ranges::{is_range_change, next_doubtful, range_request, set_range, split_at};
 use super::view_state::{IntoWish, PathWish, SceneWish, typed_path};
 use super::{Action, Dialog, Look, Panes, Severity, ViewState};
-use crate::masks::Direction;
-use crate::session::{AdoptRequest, CloudChange, Command, FuseRequest, ReconstructRequest, TidyRequest};
-use crate::view::Layer;
+use ostra_masks::Direction;
+use ostra_project::{FuseRequest, ReconstructRequest};
+use ostra_session::{AdoptRequest, CloudChange, Command, TidyRequest};
+use ostra_view::Layer;
 
 /// Does an action: changes what is looked at, or hands out commands.
 pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {

@@ -1,8 +1,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Panes, ScenePrefs, Shortcuts};
-use crate::session::Provider;
-use crate::view::OverlayStyle;
+use ostra_compute::nn::Provider;
+use ostra_view::OverlayStyle;
 
 /// What the window remembers from one start to the next: taste, never content.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

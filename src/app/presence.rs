@@ -1,8 +1,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::masks::{LabelId, RunMask};
-use crate::session::Project;
+use ostra_masks::{LabelId, RunMask};
+use ostra_project::Project;
 
 /// Which labels are on which frames, worked out anew only for masks that changed.
 #[derive(Default)]
@@ -57,7 +57,7 @@ fn labels_in(mask: &RunMask) -> Vec<LabelId> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::{FrameMask, MaskOrigin};
+    use ostra_project::{FrameMask, MaskOrigin};
 
     fn mask(ids: &[u16]) -> FrameMask {
         let runs = ids.iter().map(|&id| (LabelId(id), 1)).collect();

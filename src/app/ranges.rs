@@ -1,6 +1,7 @@
 use super::{Action, Look, ViewState};
-use crate::masks::{Click, LabelId};
-use crate::session::{FrameMask, MaskOrigin, Project, RangeChange, RangeRequest};
+use ostra_masks::{Click, LabelId};
+use ostra_project::{FrameMask, MaskOrigin, Project};
+use ostra_session::{RangeChange, RangeRequest};
 
 /// Whether an action changes the chosen label over frames, without asking for more.
 pub(super) fn is_range_change(action: Action) -> bool {
@@ -23,7 +24,7 @@ pub(super) fn range_request(action: Action, look: &Look<'_>, view: &ViewState) -
     let (project, label) = (look.project, view.label?);
     let meant = view.frames_meant();
     let marks = project.marks_of(label);
-    let all = |set: &crate::frames::FrameSet| set.range_of(meant.0).is_some_and(|range| range.contains(&meant.1));
+    let all = |set: &ostra_frames::FrameSet| set.range_of(meant.0).is_some_and(|range| range.contains(&meant.1));
     let (change, (from, to)) = match action {
         Action::DeleteRange => (RangeChange::Delete, meant),
         Action::RestoreRange => (RangeChange::Restore, meant),

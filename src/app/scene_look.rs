@@ -1,8 +1,8 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use crate::masks::{LabelId, LabelTree};
-use crate::view::{Axes, Bounds, Clip};
+use ostra_masks::{LabelId, LabelTree};
+use ostra_view::{Axes, Bounds, Clip};
 
 /// How the 3-D view is drawn: taste, kept from one start to the next.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -15,8 +15,8 @@ use super::perform::perform;
 use super::textures::Textures;
 use super::tips::section_heading;
 use super::{Action, Dialog, Look, Panes, Prefs, ViewState};
-use crate::session::Command;
-use crate::view::Orbit;
+use ostra_session::Command;
+use ostra_view::Orbit;
 
 /// All that is drawn, without the session behind it: looks in, commands out.
 pub struct Shell {

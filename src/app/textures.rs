@@ -3,9 +3,9 @@ use std::sync::Arc;
 
 use egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
 
-use crate::frames::Image;
-use crate::masks::{LabelTree, Region, RunMask};
-use crate::view::{OverlayStyle, hatch, overlay};
+use ostra_frames::Image;
+use ostra_masks::{LabelTree, Region, RunMask};
+use ostra_view::{OverlayStyle, hatch, overlay};
 
 /// Textures of pictures, thumbnails and masks; each is made anew only when what it shows changed.
 #[derive(Default)]

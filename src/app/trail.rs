@@ -2,7 +2,7 @@ use egui::{Event, PointerButton, Pos2, Ui};
 
 /// Where the pointer went in this frame while one of the buttons was down, in points of the screen, from where it was
 /// pressed if it was in this frame. While frames are slow there are many places in each, and a line needs them all.
-pub(in crate::app) fn trail(ui: &Ui, buttons: &[PointerButton]) -> Vec<Pos2> {
+pub(crate) fn trail(ui: &Ui, buttons: &[PointerButton]) -> Vec<Pos2> {
     let of_button = |event: &Event, down: bool| match event {
         Event::PointerButton { button, pressed, .. } => *pressed == down && buttons.contains(button),
         _ => false,

@@ -11,9 +11,10 @@ use super::panels::{Asked, LabelEditing, MatchView, MeasureView, PointCounts, Ru
 use super::presence::Presence;
 use super::rest::Rest;
 use super::{Look, Notices, Prefs, SceneLook};
-use crate::masks::{Direction, LabelId, MaskFormat};
-use crate::session::{FuseRequest, InstancesRequest, PromptRequest, ReconstructRequest, Surface, TrackSettings};
-use crate::view::{Coloring, Layer, Portrait, Side};
+use ostra_masks::{Direction, LabelId, MaskFormat};
+use ostra_project::{FuseRequest, ReconstructRequest};
+use ostra_session::{InstancesRequest, PromptRequest, Surface, TrackSettings};
+use ostra_view::{Coloring, Layer, Portrait, Side};
 
 /// All that belongs to looking and not to the project: the frame shown, the tool, the eye. Never saved with a project.
 pub struct ViewState {

@@ -8,14 +8,14 @@ use egui::{Context, ViewportBuilder, ViewportCommand};
 use super::dialogs::{NewProjectForm, PictureWish, Take};
 use super::theme::set_theme;
 use super::{Dialog, Layers, Look, Prefs, Severity, Shell, layers_of};
-use crate::engine::disk;
-use crate::frames::{FilmOptions, Frame};
-use crate::session::export_targets::ExportTargets;
-use crate::session::{
-    Command, Engine, Estimate, Event, Pictures, Project, Provider, Recent, Row, Session, engines, list_models,
-    scale_between,
-};
-use crate::view::{Portrait, write_png};
+use ostra_compute::nn::{Provider, Row};
+use ostra_core::disk;
+use ostra_frames::{FilmOptions, Frame};
+use ostra_project::export_targets::ExportTargets;
+use ostra_project::{Estimate, Project, scale_between};
+use ostra_session::Event;
+use ostra_session::{Command, Engine, Pictures, Recent, Session, list_engines, list_models};
+use ostra_view::{Portrait, write_png};
 
 /// Opens the window; `path` is a project, a folder of frames, a film or a labelled PLY to begin with.
 ///
@@ -77,7 +77,7 @@ impl Window {
             pictures: None,
             layers: None,
             pictured: Arc::default(),
-            engines: engines(),
+            engines: list_engines(),
             models: list_models().unwrap_or_default(),
             recent,
             title: String::new(),
@@ -222,7 +222,7 @@ impl Window {
             }
             Event::Changed => self.estimate_due = true,
             Event::ModelsChanged => {
-                self.engines = engines();
+                self.engines = list_engines();
                 self.models = list_models().unwrap_or_default();
             }
             Event::Started { .. } | Event::CloudChanged | Event::SparseChanged | Event::DoubtsChanged => {}

@@ -6,11 +6,11 @@ use glam::DVec2;
 use super::eval_args::EvalVerb;
 use super::mask_args::{GroundArgs, MasksArgs, PromptArgs, TidyArgs, TraceArgs};
 use super::values;
-use crate::frames::cameras::IntrinsicsSource;
-use crate::scene::instances::InstanceOptions;
-use crate::scene::measure::LengthUnit;
-use crate::session::AdoptRequest;
-use crate::session::Provider;
+use ostra_cloud::instances::InstanceOptions;
+use ostra_cloud::measure::LengthUnit;
+use ostra_compute::nn::Provider;
+use ostra_frames::cameras::IntrinsicsSource;
+use ostra_session::AdoptRequest;
 
 /// Turns pictures into labelled 3-D: click, track, reconstruct, vote, measure, export.
 #[derive(Debug, Parser)]

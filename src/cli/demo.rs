@@ -5,10 +5,10 @@ use anyhow::{Context, Result};
 use super::args::{DemoArgs, MethodName, SceneName};
 use super::drive::ProgressLines;
 use super::print::say;
-use crate::scene::synthetic::{SceneKind, SceneOptions, SensorNoise};
-use crate::session::Session;
-use crate::session::demo::{DemoMethod, DemoOptions, finish, run_demo};
-use crate::view::{Appearance, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png};
+use ostra_eval::demo::{DemoMethod, DemoOptions, finish, run_demo};
+use ostra_eval::synthetic::{SceneKind, SceneOptions, SensorNoise};
+use ostra_session::Session;
+use ostra_view::{Appearance, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png};
 
 pub(super) fn demo(args: &DemoArgs) -> Result<()> {
     let method = match args.method {
@@ -38,7 +38,7 @@ pub(super) fn demo(args: &DemoArgs) -> Result<()> {
         "\nresults in {}: cloud.ply, mesh.ply, shot.png, report.json, truth/, project/\n",
         args.out.display()
     ));
-    if args.headless || !has_display() { Ok(()) } else { crate::app::run(Some(args.out.join("project"))) }
+    if args.headless || !has_display() { Ok(()) } else { ostra_app::run(Some(args.out.join("project"))) }
 }
 
 fn draw(session: &Session, args: &DemoArgs) -> Result<()> {

@@ -5,9 +5,9 @@ use super::args::DoubtArgs;
 use super::drive::Driver;
 use super::print::{say, say_json};
 use super::project::label_id;
-use crate::masks::LabelId;
-use crate::scene::doubt::FrameDoubt;
-use crate::session::Command;
+use ostra_cloud::doubt::FrameDoubt;
+use ostra_masks::LabelId;
+use ostra_session::Command;
 
 /// Lists the frames whose masks the vote contradicts, or accepts the vote on some.
 pub(super) fn doubt(args: &DoubtArgs) -> Result<()> {

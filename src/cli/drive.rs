@@ -9,11 +9,13 @@ use anyhow::{Context, Result, anyhow, bail};
 
 use super::print::{printable, say, say_aside, warn};
 use super::stop;
-use crate::frames::{FilmOptions, Image};
-use crate::scene::doubt::FrameDoubt;
-use crate::scene::fuse::Votes;
-use crate::scene::{LabelledCloud, LabelledMesh};
-use crate::session::{Command, Event, FoundThing, JobView, Project, Session, Suggestion};
+use ostra_cloud::doubt::FrameDoubt;
+use ostra_cloud::fuse::Votes;
+use ostra_cloud::{LabelledCloud, LabelledMesh};
+use ostra_frames::{FilmOptions, Image};
+use ostra_project::Project;
+use ostra_session::{Command, FoundThing, Session, Suggestion};
+use ostra_session::{Event, JobView};
 
 const NO_SURFACE: &str = "the project has no surface; make one with 'ostra fuse'";
 

@@ -4,11 +4,11 @@ use serde::Serialize;
 use super::drive::ProgressLines;
 use super::eval_args::{Align, EvalArgs, EvalVerb, InteractArgs};
 use super::print::{say, say_json, warn};
-use crate::geometry::Alignment;
-use crate::session::evaluate::{
+use ostra_eval::evaluate::{
     CameraScore, CloudEvaluation, InteractOptions, InteractReport, InteractRequest, MaskScore, ScoreOptions,
     TruthViews, cloud_table, evaluate_cloud, evaluate_interaction, evaluate_masks, score_cameras,
 };
+use ostra_geometry::Alignment;
 
 pub(super) fn eval(verb: EvalVerb) -> Result<()> {
     match verb {

@@ -6,10 +6,11 @@ use clap::Args;
 use super::drive::Driver;
 use super::project::label_id;
 use super::values;
-use crate::frames::cameras::ModelEncoding;
-use crate::masks::LabelId;
-use crate::scene::measure::{GroundChoice, LengthUnit};
-use crate::session::{Command, ExportRequest, Project};
+use ostra_cloud::measure::{GroundChoice, LengthUnit};
+use ostra_frames::cameras::ModelEncoding;
+use ostra_masks::LabelId;
+use ostra_project::{ExportRequest, Project};
+use ostra_session::Command;
 
 #[derive(Debug, Args)]
 pub(super) struct ExportArgs {

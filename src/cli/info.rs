@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use super::args::InfoArgs;
 use super::drive::Driver;
 use super::print::{say, say_json, warn};
-use crate::frames::{Frame, missing_sources};
-use crate::session::{MaskOrigin, Project, ResultKind};
+use ostra_frames::{Frame, missing_sources};
+use ostra_project::{MaskOrigin, Project, ResultKind};
 
 pub(super) fn info(args: &InfoArgs) -> Result<()> {
     let driver = Driver::view(&args.project)?;

@@ -4,9 +4,9 @@ use super::args::InstancesArgs;
 use super::drive::Driver;
 use super::print::say;
 use super::project::label_id;
-use crate::masks::LabelId;
-use crate::scene::instances::InstanceOptions;
-use crate::session::{Command, InstancesRequest};
+use ostra_cloud::instances::InstanceOptions;
+use ostra_masks::LabelId;
+use ostra_session::{Command, InstancesRequest};
 
 /// Tells the instances of a class apart and names each with its number of points.
 pub(super) fn instances(args: &InstancesArgs) -> Result<()> {

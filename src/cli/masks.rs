@@ -4,8 +4,8 @@ use super::drive::Driver;
 use super::mask_args::{GroundArgs, MasksArgs, MasksVerb, PromptArgs, TidyArgs, TraceArgs};
 use super::print::say;
 use super::project::label_id;
-use crate::masks::{Click, Prompt, PxBox};
-use crate::session::{Command, GroundRequest, PromptRequest, TakeRequest, TidyRequest, TraceRequest};
+use ostra_masks::{Click, Prompt, PxBox};
+use ostra_session::{Command, GroundRequest, PromptRequest, TakeRequest, TidyRequest, TraceRequest};
 
 pub(super) fn prompt(args: &PromptArgs) -> Result<()> {
     let driver = Driver::open(&args.project)?;

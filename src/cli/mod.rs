@@ -1,8 +1,4 @@
 //! The command line: words → `Command`s, a Session driven to rest, progress lines, exit codes.
-//!
-//! May use: session, view, nouns of the lower rooms, `engine::job` and `engine::disk` only to end; `app` only to start the
-//! window.
-//! Must not touch: anything that the window cannot do.
 
 mod args;
 mod demo;

@@ -5,7 +5,8 @@ use anyhow::Result;
 use super::args::ModelsVerb;
 use super::print::{printable, say, say_aside};
 use super::stop;
-use crate::session::{Added, CheckedFile, Fetched, Proof, Row, add_model, check_model, install_model, list_models};
+use ostra_compute::nn::{Added, CheckedFile, Fetched, Proof, Row};
+use ostra_session::{add_model, check_model, install_model, list_models};
 
 pub(super) fn models(verb: &ModelsVerb) -> Result<()> {
     match verb {

@@ -2,11 +2,9 @@ use anyhow::{Context, Result};
 
 use super::args::{AdoptArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, RelocateArgs, ScaleArgs, TrackArgs, Way};
 use super::drive::Driver;
-use crate::masks::{Direction, LabelId};
-use crate::session::{
-    AdoptRequest, Command, FuseRequest, Project, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest,
-    TrackSettings,
-};
+use ostra_masks::{Direction, LabelId};
+use ostra_project::{FuseRequest, Project, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest};
+use ostra_session::{AdoptRequest, Command, TrackSettings};
 
 /// Gives pieces without a label to what they hang on; the session tells how many.
 pub(super) fn adopt(args: &AdoptArgs) -> Result<()> {

@@ -7,8 +7,9 @@ use glam::DVec2;
 use super::drive::Driver;
 use super::project::label_id;
 use super::values;
-use crate::masks::LabelId;
-use crate::session::{Command, Project, RangeChange, RangeRequest};
+use ostra_masks::LabelId;
+use ostra_project::Project;
+use ostra_session::{Command, RangeChange, RangeRequest};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum RangeVerb {

@@ -8,7 +8,8 @@ use super::args::{Cli, Verb};
 use super::drive::Driver;
 use super::print::{finish, one_line, say, say_aside};
 use super::{demo, doubt, eval, export, info, instances, masks, memory, models, project, range, shot, sources, stop};
-use crate::session::{Command, Provider, Recipe};
+use ostra_compute::nn::Provider;
+use ostra_session::{Command, Recipe};
 
 /// The program: reads the words, does the job, gives the exit code (0 done, 1 failed, 2 usage, 130 stopped).
 #[must_use]
@@ -37,7 +38,7 @@ pub fn main() -> ExitCode {
 
 fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
     Provider::from(cli.provider).choose();
-    let Some(verb) = cli.verb else { return crate::app::run(cli.path) };
+    let Some(verb) = cli.verb else { return ostra_app::run(cli.path) };
     stop::watch();
     match verb {
         Verb::Demo(args) => demo::demo(&args),
@@ -79,7 +80,7 @@ fn of_verb(matches: &ArgMatches) -> Result<&ArgMatches> {
 }
 
 fn run_recipe(path: &Path) -> Result<()> {
-    let text = crate::engine::disk::read_text(path)
+    let text = ostra_core::disk::read_text(path)
         .with_context(|| format!("{}: cannot be read; check the path", path.display()))?;
     let recipe =
         read_recipe(&text).with_context(|| format!("{}: is no recipe; save one from the window", path.display()))?;

@@ -5,10 +5,10 @@ use anyhow::{Context, Result, ensure};
 
 use super::args::{ShotArgs, ShotColor, ShotModel};
 use super::drive::Driver;
-use crate::frames::FilmOptions;
-use crate::scene::{LabelledMesh, voxel_faces, voxelize};
-use crate::session::export_targets::ExportTargets;
-use crate::view::{Appearance, Axes, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png};
+use ostra_cloud::{LabelledMesh, voxel_faces, voxelize};
+use ostra_frames::FilmOptions;
+use ostra_project::export_targets::ExportTargets;
+use ostra_view::{Appearance, Axes, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png};
 
 pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     let mut driver = Driver::view(&args.project)?;

@@ -5,9 +5,9 @@ use clap::ArgMatches;
 use clap::parser::ValueSource;
 
 use super::args::SourceArgs;
-use crate::frames::cameras::DepthCameraSource;
-use crate::frames::{FrameFolder, OpenRequest};
-use crate::session::NewProject;
+use ostra_frames::cameras::DepthCameraSource;
+use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_session::NewProject;
 
 /// What `new` and `add` open. `matches` are those of the verb: they know in which order `--frames` and `--depth` came.
 pub(super) fn new_project(root: PathBuf, args: SourceArgs, matches: &ArgMatches) -> Result<NewProject> {

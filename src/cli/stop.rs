@@ -3,7 +3,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::print::say_aside;
-use crate::engine::{disk, programs};
+use ostra_core::{disk, programs};
 
 /// Ctrl+C was pressed; what was finished is kept.
 #[derive(Debug, Clone, Copy, thiserror::Error)]

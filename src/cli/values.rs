@@ -2,8 +2,8 @@ use std::str::FromStr;
 
 use glam::DVec2;
 
-use crate::frames::cameras::IntrinsicsSource;
-use crate::scene::measure::LengthUnit;
+use ostra_cloud::measure::LengthUnit;
+use ostra_frames::cameras::IntrinsicsSource;
 
 /// `X,Y` in pixels.
 pub(super) fn point(text: &str) -> Result<DVec2, String> {

@@ -1,6 +1,6 @@
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-use crate::engine::job::{Pool, Progress};
+use ostra_core::job::{Pool, Progress};
 
 /// Most tasks of one request that are taken.
 const CAPACITY: usize = 4096;

@@ -2,7 +2,7 @@ use glam::{DVec2, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::DepthMap;
-use crate::geometry::{Camera, Pose};
+use ostra_geometry::{Camera, Pose};
 
 /// Depths farther apart than this share lie on different surfaces: nothing is drawn between them.
 const SAME_SURFACE: f32 = 0.03;

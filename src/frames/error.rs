@@ -1,8 +1,8 @@
 use std::path::{Path, PathBuf};
 
-use crate::engine::disk;
-use crate::engine::job::Stopped;
-use crate::geometry::GeometryError;
+use ostra_core::disk;
+use ostra_core::job::Stopped;
+use ostra_geometry::GeometryError;
 
 /// What can go wrong while frames are opened or read; each says what the user can do.
 #[derive(Debug, thiserror::Error)]

@@ -10,7 +10,7 @@ const DIAGONAL_35MM: f64 = 43.266_615_305_567_87;
 #[must_use]
 pub fn exif_focal_px(frame: &Frame) -> Option<f64> {
     let PictureSource::File { path, .. } = &frame.picture else { return None };
-    let mut reader = std::io::BufReader::new(crate::engine::disk::open_regular(path).ok()?);
+    let mut reader = std::io::BufReader::new(ostra_core::disk::open_regular(path).ok()?);
     let exif = Reader::new().read_from_container(&mut reader).ok()?;
     focal_px(&exif, f64::from(frame.width), f64::from(frame.height))
 }

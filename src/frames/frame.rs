@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::DepthCamera;
-use crate::geometry::{Camera, Pose};
+use ostra_geometry::{Camera, Pose};
 
 /// How a stored picture must be turned to be seen upright: the EXIF orientation, 1 to 8.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -7,8 +7,8 @@ use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limit
 use super::complete::is_complete;
 use super::tiff_samples::{depth_samples, variant_of};
 use super::{FrameError, Orientation};
-use crate::engine::disk;
-use crate::geometry::Camera;
+use ostra_core::disk;
+use ostra_geometry::Camera;
 
 /// The formats that can be frames, as named to the user.
 pub(super) const FORMATS: &str = "JPEG, PNG, TIFF or WebP";

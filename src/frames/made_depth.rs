@@ -9,8 +9,8 @@ use tiff::tags::Tag;
 use tiff::{TiffError, TiffResult};
 
 use super::{DepthMap, Frame, FrameError};
-use crate::engine::disk;
-use crate::geometry::Camera;
+use ostra_core::disk;
+use ostra_geometry::Camera;
 
 /// A depth map that a reconstruction made, often smaller than the frame's picture, with what is known of each pixel.
 ///
@@ -155,8 +155,8 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::frames::{FrameCamera, FrameStore, Orientation, PictureSource};
-    use crate::geometry::{Distortion, Pose};
+    use crate::{FrameCamera, FrameStore, Orientation, PictureSource};
+    use ostra_geometry::{Distortion, Pose};
 
     fn slope() -> MadeDepth {
         let camera = Camera::pinhole(8, 6, 10.0, 10.0, 4.0, 3.0);
@@ -177,7 +177,7 @@ mod tests {
             width: 16,
             height: 12,
             picture: PictureSource::File { path: "a.png".into(), orientation: Orientation::default() },
-            depth: Some(crate::frames::DepthSource::Made { made: PathBuf::from(made), scale: 1.0 }),
+            depth: Some(crate::DepthSource::Made { made: PathBuf::from(made), scale: 1.0 }),
             camera: camera.map(|intrinsics| FrameCamera::given(intrinsics, Some(Pose::default()))),
         }
     }
@@ -207,7 +207,7 @@ mod tests {
         assert!((seen.at(4, 5) - 2.0175).abs() < 1e-5, "between columns 1 and 2: {}", seen.at(4, 5));
         assert_eq!((seen.at(11, 5), seen.at(12, 5)), (2.05, 5.0), "not between surfaces");
         assert_eq!(seen.at(1, 1), 0.0);
-        let larger = Some(crate::frames::DepthSource::Made { made: "a.tiff".into(), scale: 2.0 });
+        let larger = Some(crate::DepthSource::Made { made: "a.tiff".into(), scale: 2.0 });
         let larger = store.depth(&Frame { depth: larger, ..frame(None, "a.tiff") }).unwrap().unwrap();
         assert_eq!(larger.at(12, 5), 10.0);
         assert!(FrameStore::new(1 << 20).depth(&frame(None, "a.tiff")).is_err());

@@ -6,7 +6,7 @@ use super::cache::Cache;
 use super::loader::{Key, Loader, depth_bytes, picture_bytes};
 use super::thumbnail::shrink;
 use super::{DepthMap, Frame, FrameError, Image, MadeDepth, PictureSource};
-use crate::engine::job::{Progress, Stopped};
+use ostra_core::job::{Progress, Stopped};
 
 /// Bytes of thumbnails that are kept.
 const THUMBNAIL_BYTES: usize = 32 << 20;

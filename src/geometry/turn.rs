@@ -103,7 +103,7 @@ impl Pose {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Distortion;
+    use crate::Distortion;
 
     fn camera() -> Camera {
         Camera {

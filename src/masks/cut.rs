@@ -1,3 +1,5 @@
+//! Minimum cuts over windows of pixels: two regions parted where the colours change most.
+
 use super::lab::squared_difference;
 use super::maxflow::{FlowGraph, Link};
 
@@ -8,18 +10,24 @@ const LEAST: f32 = 0.03;
 
 /// A rectangle of pixels: columns `left..right`, rows `top..bottom`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::masks) struct Window {
+pub struct Window {
+    /// First column.
     pub left: usize,
+    /// First row.
     pub top: usize,
+    /// The column after the last.
     pub right: usize,
+    /// The row after the last.
     pub bottom: usize,
 }
 
 impl Window {
+    /// Number of columns.
     pub fn width(&self) -> usize {
         self.right - self.left
     }
 
+    /// Number of rows.
     pub fn height(&self) -> usize {
         self.bottom - self.top
     }
@@ -32,7 +40,7 @@ impl Window {
 
 /// Prices of an outline between the pixels of a window: it costs least where colours change (Boykov, Jolly,
 /// "Interactive graph cuts", ICCV 2001).
-pub(in crate::masks) struct Borders {
+pub struct Borders {
     window: Window,
     links: Vec<Link>,
 }

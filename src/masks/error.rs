@@ -1,8 +1,8 @@
 use std::path::PathBuf;
 
-use crate::engine::disk;
-use crate::engine::job::Stopped;
-use crate::frames::FrameError;
+use ostra_core::disk;
+use ostra_core::job::Stopped;
+use ostra_frames::FrameError;
 
 /// What can go wrong with labels and masks; each says what the user can do.
 #[derive(Debug, thiserror::Error)]

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
-use crate::frames::Image;
+use ostra_frames::Image;
 
 const CURVE_STEPS: usize = 4096;
 
@@ -26,12 +26,12 @@ static CURVE: LazyLock<Vec<f32>> = LazyLock::new(|| {
 });
 
 /// The picture in CIE Lab: L 0–100, a and b about −100 to 100.
-pub(in crate::masks) fn lab_of(image: &Image) -> Vec<[f32; 3]> {
+pub(crate) fn lab_of(image: &Image) -> Vec<[f32; 3]> {
     image.pixels.par_iter().with_min_len(4096).map(|&pixel| lab_of_pixel(pixel)).collect()
 }
 
 /// One sRGB pixel in CIE Lab.
-pub(crate) fn lab_of_pixel(pixel: [u8; 3]) -> [f32; 3] {
+pub fn lab_of_pixel(pixel: [u8; 3]) -> [f32; 3] {
     let curve = &*CURVE;
     let bend = |value: f32| {
         let at = (value * CURVE_STEPS as f32).clamp(0.0, CURVE_STEPS as f32 - 1.0);
@@ -46,7 +46,7 @@ pub(crate) fn lab_of_pixel(pixel: [u8; 3]) -> [f32; 3] {
 }
 
 /// Squared Euclidean distance of two Lab colours (ΔE 1976, squared).
-pub(crate) fn squared_difference(a: [f32; 3], b: [f32; 3]) -> f32 {
+pub fn squared_difference(a: [f32; 3], b: [f32; 3]) -> f32 {
     let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
 }

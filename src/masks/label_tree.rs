@@ -19,7 +19,7 @@ const MOST_NAMED: usize = 10;
 
 /// Labels lie at most this deep. Every walk to the top level costs as many steps, so that a file of 65,535 labels in one
 /// chain would take minutes.
-pub(crate) const MAX_DEPTH: usize = 64;
+pub const MAX_DEPTH: usize = 64;
 
 impl LabelTree {
     /// All labels, ordered by id.

@@ -50,7 +50,7 @@ impl LabelMask {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::masks::Label;
+    use crate::Label;
 
     #[test]
     fn coarser_levels_are_read_off_the_tree() {

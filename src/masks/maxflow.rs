@@ -9,7 +9,7 @@ const ORPHAN: u32 = u32::MAX - 2;
 
 /// An edge of a [`FlowGraph`] with its capacity in both directions.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::masks) struct Link {
+pub(crate) struct Link {
     pub from: u32,
     pub to: u32,
     pub forward: i32,
@@ -17,7 +17,7 @@ pub(in crate::masks) struct Link {
 }
 
 /// A graph with two terminals. Capacities are integers, so that the cut is exact; their sum must fit in 31 bits per node.
-pub(in crate::masks) struct FlowGraph {
+pub(crate) struct FlowGraph {
     first: Vec<u32>,
     head: Vec<u32>,
     sister: Vec<u32>,

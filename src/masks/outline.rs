@@ -164,7 +164,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::masks::fill_polygons;
+    use crate::fill_polygons;
 
     fn region(rows: &[&str]) -> Region {
         let inside = rows.iter().flat_map(|row| row.bytes().map(|byte| byte == b'#')).collect();

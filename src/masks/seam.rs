@@ -2,8 +2,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::{LabelId, LabelMask, MaskError, Prompt, PxBox, Region};
-use crate::engine::job::Progress;
-use crate::frames::{DepthMap, Frame, FrameStore, Image};
+use ostra_core::job::Progress;
+use ostra_frames::{DepthMap, Frame, FrameStore, Image};
 
 /// Turns prompts into the pixels of an object.
 pub trait Segmenter: Send + Sync {

@@ -1,3 +1,5 @@
+//! Areas that no label explains, offered as new objects.
+
 use super::{Connectivity, LabelId, LabelMask, Region, components};
 
 /// An area of a frame that no label explains and that may be a thing of its own.
@@ -28,7 +30,7 @@ const MOST_SHARE: f64 = 0.3;
 const BESIDE_LABELS_PX: f64 = 6.0;
 
 /// The connected parts of a region that are large enough, and not too large, for a thing.
-pub(super) fn parts(region: &Region) -> impl Iterator<Item = Region> + '_ {
+pub fn parts(region: &Region) -> impl Iterator<Item = Region> + '_ {
     let pieces = components(region, Connectivity::Eight);
     let pixels = region.inside.len() as f64;
     let fits = move |area: usize| (LEAST_SHARE * pixels..=MOST_SHARE * pixels).contains(&(area as f64));
@@ -43,7 +45,7 @@ pub(super) fn parts(region: &Region) -> impl Iterator<Item = Region> + '_ {
 }
 
 /// All labelled pixels of a mask, and those close beside them.
-pub(super) fn explained(mask: &LabelMask) -> Region {
+pub fn explained(mask: &LabelMask) -> Region {
     let inside = mask.ids.iter().map(|&id| id != LabelId::NONE).collect();
     Region { width: mask.width, height: mask.height, inside }.dilated(BESIDE_LABELS_PX)
 }

@@ -1,6 +1,7 @@
 use anyhow::Result;
 
-use super::{Command, JobId, Session};
+use super::{Command, Session};
+use ostra_core::job::JobId;
 
 impl Session {
     /// Carries out a wish: quick things at once, the rest as a job whose end [`Session::poll`] tells of.

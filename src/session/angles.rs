@@ -1,12 +1,13 @@
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::Session;
 use super::jobs::{Kind, Landing};
 use super::measuring::{Subject, under};
-use super::{JobId, Session};
-use crate::masks::LabelId;
-use crate::scene::SceneError;
-use crate::scene::measure::{MeasureOptions, TraitRow, measure_angles};
+use ostra_cloud::SceneError;
+use ostra_cloud::measure::{MeasureOptions, TraitRow, measure_angles};
+use ostra_core::job::JobId;
+use ostra_masks::LabelId;
 
 /// By the two labels, the angles between their pieces, or why there is none.
 pub type Angles = BTreeMap<[LabelId; 2], Result<Vec<TraitRow>, String>>;

@@ -1,20 +1,7 @@
-use std::ops::Bound;
-
 use anyhow::{Result, ensure};
+use ostra_project::{MaskOrigin, Project};
 
-use super::{FrameMask, MaskOrigin, Project, TrackSettings};
-
-impl Project {
-    /// The anchors next to a frame: the last before it and the first after it.
-    #[must_use]
-    pub fn neighbour_anchors(&self, frame: usize) -> (Option<usize>, Option<usize>) {
-        let is_anchor = |(_, mask): &(&usize, &FrameMask)| mask.origin == MaskOrigin::Anchor;
-        let later = (Bound::Excluded(frame), Bound::Unbounded);
-        let before = self.masks.range(..frame).rev().find(is_anchor);
-        let after = self.masks.range(later).find(is_anchor);
-        (before.map(|(&number, _)| number), after.map(|(&number, _)| number))
-    }
-}
+use crate::TrackSettings;
 
 impl TrackSettings {
     /// The same from the anchor before `frame` to the anchor after it (both excluded; the sequence's end where there is
@@ -37,8 +24,8 @@ impl TrackSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::Edit;
-    use crate::session::tests::making::{anchor, project, tracked};
+    use ostra_project::Edit;
+    use ostra_project::testing::{anchor, project, tracked};
 
     #[test]
     fn a_correction_reaches_from_anchor_to_anchor() {

@@ -6,13 +6,16 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 
+use super::Session;
 use super::jobs::{Kind, Landing};
-use super::store::{cloud_path, mesh_path, version_in_force, votes_path};
-use super::{Event, JobId, ResultKind, Session};
-use crate::frames::Frame;
-use crate::scene::LabelledCloud;
-use crate::scene::fuse::{Votes, read_votes};
-use crate::scene::ply::read_ply;
+use crate::Event;
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::fuse::{Votes, read_votes};
+use ostra_cloud::ply::read_ply;
+use ostra_core::job::JobId;
+use ostra_frames::Frame;
+use ostra_project::ResultKind;
+use ostra_project::store::{cloud_path, mesh_path, version_in_force, votes_path};
 
 /// The labelled cloud that was loaded or made last.
 #[derive(Default)]

@@ -3,11 +3,11 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    ExportRequest, FuseRequest, GroundRequest, PaintRequest, PromptRequest, PullRequest, RangeRequest,
-    ReconstructRequest, ScaleRequest, TakeRequest, TidyRequest, TraceRequest,
+    GroundRequest, PaintRequest, PromptRequest, PullRequest, RangeRequest, TakeRequest, TidyRequest, TraceRequest,
 };
-use crate::frames::cameras::IntrinsicsSource;
-use crate::masks::{Direction, LabelId};
+use ostra_frames::cameras::IntrinsicsSource;
+use ostra_masks::{Direction, LabelId};
+use ostra_project::{ExportRequest, FuseRequest, ReconstructRequest, ScaleRequest};
 
 /// A wish: all that window, command line and recipes can ask of a [`super::Session`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,7 +42,7 @@ pub enum Command {
         color: Option<[u8; 3]>,
     },
     /// Changes a label's name, colour or parent.
-    EditLabel(crate::masks::Label),
+    EditLabel(ostra_masks::Label),
     /// Takes a label out, with its prompts; its pixels become nothing.
     RemoveLabel(LabelId),
     /// Sets what is given for a label on a frame and segments it; an empty prompt takes the label off the frame.
@@ -158,7 +158,7 @@ pub struct NewProject {
     /// The project's folder (for `AddFrames`: ignored).
     pub root: PathBuf,
     /// Sources of frames with their depth folders, `every`, `from`, `to`, depth unit.
-    pub open: crate::frames::OpenRequest,
+    pub open: ostra_frames::OpenRequest,
     /// Cameras in one of the formats known.
     #[serde(default)]
     pub cameras: Option<PathBuf>,

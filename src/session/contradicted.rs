@@ -1,15 +1,17 @@
 use std::cell::Cell;
 use std::sync::Arc;
 
+use super::Session;
 use super::cloud::CloudState;
 use super::commands::by_vote;
 use super::jobs::{Kind, Landing};
-use super::{JobId, Project, Session};
-use crate::frames::{Frame, FrameStore};
-use crate::masks::{LabelId, Region, RunMask};
-use crate::scene::LabelledCloud;
-use crate::scene::doubt::contradiction;
-use crate::scene::fuse::Votes;
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::doubt::contradiction;
+use ostra_cloud::fuse::Votes;
+use ostra_core::job::JobId;
+use ostra_frames::{Frame, FrameStore};
+use ostra_masks::{LabelId, Region, RunMask};
+use ostra_project::Project;
 
 /// Where the vote of all contradicts the mask of one frame.
 #[derive(Default)]

@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
-use crate::masks::LabelId;
-use crate::scene::select::SelectStep;
+use ostra_cloud::select::SelectStep;
+use ostra_masks::LabelId;
 
 /// A correction in 3-D: points of the cloud are chosen, and every mask that sees them is changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

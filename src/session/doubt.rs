@@ -1,11 +1,13 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::Session;
 use super::cloud::CloudState;
 use super::jobs::{Kind, Landing};
-use super::{Event, JobId, Session};
-use crate::masks::RunMask;
-use crate::scene::doubt::{FrameDoubt, frame_doubt};
+use crate::Event;
+use ostra_cloud::doubt::{FrameDoubt, frame_doubt};
+use ostra_core::job::JobId;
+use ostra_masks::RunMask;
 
 /// How much masks contradict the cloud that was made of them, by frame.
 #[derive(Default)]

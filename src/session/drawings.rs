@@ -1,7 +1,7 @@
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use crate::engine::job::Loader;
+use ostra_core::job::Loader;
 
 /// Things that are drawn on a worker thread for those who look: asked for again and again, never waited for. The latest
 /// few are kept; a newer wish takes the place of one that was not begun.

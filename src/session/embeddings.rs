@@ -4,11 +4,11 @@ use std::time::SystemTime;
 
 use sha2::{Digest, Sha256};
 
-use crate::engine::disk;
-use crate::engine::nn::models_folder;
-use crate::frames::Image;
-use crate::masks::MaskError;
-use crate::masks::onnx::sam::Embedding;
+use ostra_compute::nn::models_folder;
+use ostra_core::disk;
+use ostra_frames::Image;
+use ostra_masks::MaskError;
+use ostra_masks::onnx::sam::Embedding;
 
 /// Embeddings of pictures on the disk, the latest used ones, bounded in bytes. A file that is missing, damaged or cannot be
 /// written costs a run of the encoder, nothing else.
@@ -93,7 +93,7 @@ fn key(encoder: &Path, image: &Image) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::masks::onnx::sam::Part;
+    use ostra_masks::onnx::sam::Part;
 
     fn embedding(value: f32) -> Embedding {
         Embedding { width: 4, height: 4, part: Part::whole(4, 4), channels: 1, cells: 2, values: vec![value; 4] }

@@ -1,21 +1,28 @@
+//! The table of engines: which there are, what they need, and how they are made.
+
 use std::sync::Arc;
 
 use anyhow::{Result, bail, ensure};
 
+use super::TrackSettings;
 use super::networks::{KeptSam, KeptTracker, KeptXFeat, SAM_NETWORKS, TrackNetwork, grounding_dino, yolox};
-use super::{Project, TrackSettings};
-use crate::engine::nn::{Catalogue, Provider, Runtime, models_folder};
-use crate::frames::{Frame, FrameStore};
-use crate::masks::builtin::BuiltinSegmenter;
-use crate::masks::flow::{Describer, FlowTracker};
-use crate::masks::{Segmenter, TextGrounder, Tracker};
-use crate::scene::rgbd::register::GlobalRegistration;
-use crate::scene::sfm::matching::NearestMatcher;
-use crate::scene::sfm::onnx::{
+use ostra_compute::nn::{Catalogue, Provider, Runtime, models_folder};
+use ostra_frames::{Frame, FrameStore};
+use ostra_masks::builtin::BuiltinSegmenter;
+use ostra_masks::{Segmenter, TextGrounder, Tracker};
+use ostra_project::Project;
+use ostra_reconstruct::rgbd::register::GlobalRegistration;
+use ostra_reconstruct::sfm::matching::NearestMatcher;
+use ostra_reconstruct::sfm::onnx::{
     LighterGlue, LighterGlueOptions, SuperGlue, SuperGlueOptions, SuperPoint, SuperPointOptions, XFeat, XFeatOptions,
 };
-use crate::scene::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
-use crate::scene::{ConstrainOptions, ConstrainedTracker, GeometrySegmenter, GeometryTracker};
+use ostra_reconstruct::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
+use ostra_tracking::flow::{Describer, FlowTracker};
+use ostra_tracking::{
+    bodies::GeometrySegmenter,
+    carry::GeometryTracker,
+    constrain::{ConstrainOptions, ConstrainedTracker},
+};
 
 /// What an engine is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,7 +66,7 @@ pub struct Engine {
 
 /// Every engine that the command line names, `auto` first within its kind.
 #[must_use]
-pub fn engines() -> Vec<Engine> {
+pub fn list_engines() -> Vec<Engine> {
     const NETWORKS: &str = "its networks and ONNX Runtime; add both with 'ostra models add'";
     const SAM: &str =
         "the networks sam-vit-b, mobile-sam or efficient-sam and ONNX Runtime; add both with 'ostra models add'";
@@ -102,7 +109,7 @@ pub fn engines() -> Vec<Engine> {
 
 /// Refuses a name that is no engine, or one that is not installed, in one line that says what it needs.
 pub(super) fn check_installed(kind: EngineKind, name: &str) -> Result<()> {
-    let all = engines();
+    let all = list_engines();
     let mut of_kind = all.iter().filter(|engine| engine.kind == kind);
     match of_kind.clone().find(|engine| engine.name == name) {
         Some(engine) if engine.installed => Ok(()),
@@ -117,7 +124,7 @@ pub(super) fn check_installed(kind: EngineKind, name: &str) -> Result<()> {
 
 /// The segmenter of this name; `auto` is the best that is installed, `geometry` the one of the frames to be
 /// segmented.
-pub(super) fn segmenter(name: &str, geometry: Arc<GeometrySegmenter>) -> Result<Arc<dyn Segmenter>> {
+pub fn segmenter(name: &str, geometry: Arc<GeometrySegmenter>) -> Result<Arc<dyn Segmenter>> {
     check_installed(EngineKind::Segmenter, name)?;
     let sam = |network| Arc::new(KeptSam { network, is_close: name == "sam-close" });
     Ok(match (name, sam_network()) {
@@ -128,7 +135,7 @@ pub(super) fn segmenter(name: &str, geometry: Arc<GeometrySegmenter>) -> Result<
 }
 
 /// The segmenter `geometry` for some frames.
-pub(super) fn geometry_segmenter(frames: Arc<Vec<Frame>>, store: Arc<FrameStore>) -> Arc<GeometrySegmenter> {
+pub fn geometry_segmenter(frames: Arc<Vec<Frame>>, store: Arc<FrameStore>) -> Arc<GeometrySegmenter> {
     Arc::new(GeometrySegmenter::new(frames, store, Arc::new(BuiltinSegmenter)))
 }
 
@@ -157,7 +164,7 @@ pub(super) fn grounder(name: &str) -> Result<Arc<dyn TextGrounder>> {
 const GROUNDERS: [&str; 2] = ["grounding-dino", "yolox"];
 
 /// The tracker that the settings name; `auto` is the best that is installed and that the frames allow.
-pub(super) fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tracker>> {
+pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tracker>> {
     check_installed(EngineKind::Tracker, &settings.tracker)?;
     let (frames, any) = (&project.frames, project.frames.iter().any(Frame::has_posed_depth));
     // Depth made of some frames alone says nothing of those between.

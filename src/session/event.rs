@@ -1,14 +1,10 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::engine::job::ProgressReport;
-use crate::masks::LabelId;
+use ostra_core::job::{JobId, ProgressReport};
+use ostra_masks::LabelId;
 
-/// Names a job of a session; never used twice.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct JobId(pub u64);
-
-/// What happened since the last [`super::Session::poll`], in order.
+/// What happened since the last [`crate::Session::poll`], in order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {
     /// A job began.

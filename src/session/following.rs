@@ -2,14 +2,17 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Weak};
 
+use super::Session;
 use super::jobs::{Kind, Landing};
-use super::store::version_in_force;
-use super::{Event, JobId, Project, ResultKind, Session};
-use crate::engine::job::Progress;
-use crate::frames::FrameStore;
-use crate::masks::{LabelId, RunMask};
-use crate::scene::fuse::{ChangedMask, ProjectViews, Votes, relabel, vote_again};
-use crate::scene::{LabelledCloud, SceneError};
+use crate::Event;
+use ostra_cloud::fuse::{ChangedMask, ProjectViews, Votes, relabel, vote_again};
+use ostra_cloud::{LabelledCloud, SceneError};
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_frames::FrameStore;
+use ostra_masks::{LabelId, RunMask};
+use ostra_project::store::version_in_force;
+use ostra_project::{Project, ResultKind};
 
 /// Frames that vote again with all of their masks decoded at once; of more, one mask is read after the other.
 const FEW: usize = 8;

@@ -1,5 +1,5 @@
 use super::Session;
-use crate::masks::PxBox;
+use ostra_masks::PxBox;
 
 /// Things that words found on a frame, to be taken or not.
 #[derive(Debug, Clone, PartialEq)]

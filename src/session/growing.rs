@@ -1,12 +1,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::Session;
 use super::jobs::Link;
-use super::{Event, JobId, Session};
-use crate::frames::{Frame, FrameStore};
-use crate::geometry::Pose;
-use crate::scene::stereo::{DepthEstimate, DepthStore, Stage, raster_image};
-use crate::scene::{LabelledCloud, SceneError};
+use crate::Event;
+use ostra_cloud::{LabelledCloud, SceneError};
+use ostra_core::job::JobId;
+use ostra_frames::{Frame, FrameStore};
+use ostra_geometry::Pose;
+use ostra_reconstruct::stereo::{DepthEstimate, DepthStore, Stage, raster_image};
 
 /// Points shown of each view while a reconstruction runs, and of all together.
 const POINTS_A_VIEW: usize = 20_000;

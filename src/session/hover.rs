@@ -2,9 +2,11 @@ use std::sync::Arc;
 
 use super::commands::answer;
 use super::jobs::{Kind, Landing};
-use super::{JobId, Project, PromptRequest, Session, engines};
-use crate::engine::job::Progress;
-use crate::masks::{LabelId, LabelMask, PreparedFrame, RunMask};
+use super::{PromptRequest, Session, engines};
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_masks::{LabelId, LabelMask, PreparedFrame, RunMask};
+use ostra_project::Project;
 
 /// A prompt that nobody sent yet, and what it would give.
 #[derive(Default)]

@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 
-use crate::masks::LabelId;
-use crate::scene::instances::InstanceOptions;
+use ostra_cloud::instances::InstanceOptions;
+use ostra_masks::LabelId;
 
 /// Which label is told apart into instances.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

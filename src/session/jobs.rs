@@ -4,9 +4,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 
-use super::{Command, JobId, JobView, Session};
-use crate::engine::job::{Progress, Running, Stopped};
-use crate::masks::LabelId;
+use super::{Command, Session};
+use crate::JobView;
+use ostra_core::job::JobId;
+use ostra_core::job::{Progress, Running, Stopped};
+use ostra_masks::LabelId;
 
 /// How many results may wait for the session before workers wait for it.
 const WAITING: usize = 64;
@@ -34,8 +36,11 @@ pub enum Kind {
 
 /// A job that runs.
 pub struct Job {
+    /// Which it is.
     pub id: JobId,
+    /// What it is, for people.
     pub title: String,
+    /// What it is to the session.
     pub kind: Kind,
     /// The command that it carries out, for the recipe.
     pub command: Option<Command>,

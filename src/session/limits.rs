@@ -3,14 +3,12 @@
 use anyhow::{Context, Result, ensure};
 use glam::{DVec2, DVec3};
 
-use super::{
-    Command, ExportRequest, FuseRequest, NewProject, PaintRequest, Project, RangeChange, ReconstructRequest, ScaleEnd,
-    ScaleRequest, TrackSettings,
-};
-use crate::frames::cameras::IntrinsicsSource;
-use crate::masks::PxBox;
-use crate::scene::measure::GroundChoice;
-use crate::scene::select::{Eye, SeenRegion, SelectStep};
+use super::{Command, NewProject, PaintRequest, RangeChange, TrackSettings};
+use ostra_cloud::measure::GroundChoice;
+use ostra_cloud::select::{Eye, SeenRegion, SelectStep};
+use ostra_frames::cameras::IntrinsicsSource;
+use ostra_masks::PxBox;
+use ostra_project::{ExportRequest, FuseRequest, Project, ReconstructRequest, ScaleEnd, ScaleRequest};
 
 /// Pixels by which a position may lie outside its frame. A stroke may leave the image, and in a window that shows the image
 /// small the pointer gets far away from it.
@@ -221,9 +219,9 @@ fn check_export(request: &ExportRequest) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::masks::{Click, LabelId, Prompt};
-    use crate::session::tests::making::project;
-    use crate::session::{CloudChange, CloudCorrection, PromptRequest, PullRequest, TraceRequest};
+    use crate::{CloudChange, CloudCorrection, PromptRequest, PullRequest, TraceRequest};
+    use ostra_masks::{Click, LabelId, Prompt};
+    use ostra_project::testing::project;
 
     const FAR: [DVec2; 4] = [
         DVec2::new(5.0, 4_294_967_296.0),

@@ -1,7 +1,7 @@
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use crate::masks::{LabelId, Prompt, PxBox};
+use ostra_masks::{LabelId, Prompt, PxBox};
 
 /// What to look for by words.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,11 +1,12 @@
 use std::cell::Cell;
 use std::sync::{Arc, Weak};
 
+use super::Session;
 use super::jobs::{Kind, Landing};
-use super::{JobId, Session};
-use crate::masks::{LabelId, LabelTree};
-use crate::scene::LabelledCloud;
-use crate::scene::measure::{GroundChoice, LengthUnit, MeasureOptions, TraitRow, measure};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::measure::{GroundChoice, LengthUnit, MeasureOptions, TraitRow, measure};
+use ostra_core::job::JobId;
+use ostra_masks::{LabelId, LabelTree};
 
 /// How the labels of the cloud shall be measured.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -3,10 +3,12 @@ use std::path::PathBuf;
 use anyhow::{Result, ensure};
 use serde::{Deserialize, Serialize};
 
+use super::Session;
 use super::jobs::{Kind, Landing};
-use super::{Event, JobId, Session};
-use crate::engine::job::{Progress, Stopped};
-use crate::engine::nn::{Added, Catalogue, CheckedFile, Fetched, Proof, Row, add, check, install, list, models_folder};
+use crate::Event;
+use ostra_compute::nn::{Added, Catalogue, CheckedFile, Fetched, Proof, Row, add, check, install, list, models_folder};
+use ostra_core::job::JobId;
+use ostra_core::job::{Progress, Stopped};
 
 /// Every network that is known, and whether it is installed.
 ///

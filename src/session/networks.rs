@@ -1,16 +1,17 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::embeddings::Embeddings;
-use crate::engine::job::Progress;
-use crate::engine::nn::{NnError, models_folder};
-use crate::frames::{DepthMap, Image};
-use crate::masks::flow::{Describer, Description};
-use crate::masks::onnx::deaot::Deaot;
-use crate::masks::onnx::grounding::GroundingDino;
-use crate::masks::onnx::sam::{CloseUps, Part, Sam};
-use crate::masks::onnx::xmem::XMem;
-use crate::masks::onnx::{XFeatCells, Yolox};
-use crate::masks::{MaskError, PreparedFrame, Segmenter, TextGrounder, TrackRequest, TrackedFrame, Tracker};
+use ostra_compute::nn::{NnError, models_folder};
+use ostra_core::job::Progress;
+use ostra_frames::{DepthMap, Image};
+use ostra_masks::onnx::Yolox;
+use ostra_masks::onnx::grounding::GroundingDino;
+use ostra_masks::onnx::sam::{CloseUps, Part, Sam};
+use ostra_masks::{MaskError, PreparedFrame, Segmenter, TextGrounder, TrackRequest, TrackedFrame, Tracker};
+use ostra_tracking::XFeatCells;
+use ostra_tracking::deaot::Deaot;
+use ostra_tracking::flow::{Describer, Description};
+use ostra_tracking::xmem::XMem;
 
 /// A network that is loaded when it is first needed, on the thread that needs it, and kept for the life of the program.
 struct Kept<T>(Mutex<Option<Arc<T>>>);

@@ -1,8 +1,8 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::engine::job::Loader;
-use crate::frames::{Frame, FrameStore, Image};
+use ostra_core::job::Loader;
+use ostra_frames::{Frame, FrameStore, Image};
 
 /// Longest side of a thumbnail in pixels.
 const THUMBNAIL_PX: u32 = 160;

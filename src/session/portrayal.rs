@@ -3,10 +3,12 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::export_targets::ExportTargets;
+use super::Session;
 use super::jobs::{Kind, Landing};
-use super::{Event, JobId, Session};
-use crate::frames::{FilmOptions, Image, write_film};
+use crate::Event;
+use ostra_core::job::JobId;
+use ostra_frames::{FilmOptions, Image, write_film};
+use ostra_project::export_targets::ExportTargets;
 
 impl Session {
     /// Refuses a file that an export must not replace: a source, a file inside a project, a file that OSTRA did not write.

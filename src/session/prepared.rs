@@ -3,12 +3,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::Result;
 
-use crate::engine::job::Progress;
-use crate::frames::{Frame, FrameStore};
-use crate::masks::builtin::settled;
-use crate::masks::{PreparedFrame, Segmenter};
-use crate::scene::SceneError;
-use crate::scene::fuse::readable;
+use ostra_cloud::SceneError;
+use ostra_cloud::fuse::readable;
+use ostra_core::job::Progress;
+use ostra_frames::{Frame, FrameStore};
+use ostra_masks::builtin::settled;
+use ostra_masks::{PreparedFrame, Segmenter};
 
 /// Frames made ready by segmenters, the latest used ones, bounded in bytes. Shared by all threads.
 pub struct PreparedFrames {

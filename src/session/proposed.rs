@@ -4,9 +4,10 @@ use super::commands::{FoundInstances, found_instances};
 use super::following::cloud_of_now;
 use super::jobs::{Kind, Landing};
 use super::surfaces::load_cloud;
-use super::{Event, InstancesRequest, Session};
-use crate::masks::Label;
-use crate::scene::LabelledCloud;
+use super::{InstancesRequest, Session};
+use crate::Event;
+use ostra_cloud::LabelledCloud;
+use ostra_masks::Label;
 
 /// Instances as they would be made, to be looked at before they are.
 #[derive(Debug, Clone, PartialEq)]

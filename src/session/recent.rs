@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use crate::engine::disk;
+use ostra_core::disk;
 
 /// Projects opened before, latest first, kept in the system's data folder (`XDG_DATA_HOME` is honoured).
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -20,7 +20,7 @@ impl Recent {
     }
 
     fn load_from(file: PathBuf) -> Self {
-        let text = crate::engine::disk::read_text(&file).unwrap_or_default();
+        let text = ostra_core::disk::read_text(&file).unwrap_or_default();
         let paths = text.lines().filter(|line| !line.is_empty()).map(PathBuf::from).take(MOST).collect();
         Self { paths, file: Some(file) }
     }

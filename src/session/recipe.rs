@@ -3,8 +3,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use super::{Command, Event, Recipe, Session};
-use crate::engine::disk;
+use super::{Command, Recipe, Session};
+use crate::Event;
+use ostra_core::disk;
 
 /// A larger recipe is not read.
 const MAX_BYTES: u64 = 1 << 30;

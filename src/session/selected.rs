@@ -2,11 +2,13 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
+use super::Session;
 use super::jobs::{Kind, Landing};
-use super::{JobId, Project, Session};
-use crate::engine::job::Progress;
-use crate::scene::select::{SelectStep, Selection, Selector};
-use crate::scene::{LabelledCloud, SceneError};
+use ostra_cloud::select::{SelectStep, Selection, Selector};
+use ostra_cloud::{LabelledCloud, SceneError};
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_project::Project;
 
 /// The points that somebody chooses and did not correct yet.
 #[derive(Default)]

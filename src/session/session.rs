@@ -19,14 +19,15 @@ use super::on_demand::OnDemand;
 use super::prepared::PreparedFrames;
 use super::selected::Selected;
 use super::surfaces::Surfaces;
-use super::{
-    Edit, Event, Grounding, InstancesRequest, JobId, JobView, OpenProject, Project, ProposedInstances, Recipe,
-    SparseModel, Suggestion,
-};
-use crate::engine::nn::take_fall_backs;
-use crate::frames::{FrameStore, take_video_damage};
-use crate::masks::RunMask;
-use crate::scene::GeometrySegmenter;
+use super::{Grounding, InstancesRequest, ProposedInstances, Recipe, SparseModel, Suggestion};
+use crate::{Event, JobView};
+use ostra_compute::nn::take_fall_backs;
+use ostra_core::job::JobId;
+use ostra_frames::{FrameStore, take_video_damage};
+use ostra_masks::RunMask;
+use ostra_project::OpenProject;
+use ostra_project::{Edit, Project};
+use ostra_tracking::bodies::GeometrySegmenter;
 
 /// Bytes of decoded pictures and depths kept.
 pub(super) const PIXEL_BYTES: usize = 256 << 20;
@@ -116,7 +117,7 @@ impl Session {
 
     /// Drops what is only kept to answer sooner: frames made ready for prompts, the geometry of the scene and the cloud. All
     /// of it comes back when it is asked for.
-    pub(super) fn release_memory(&mut self) {
+    pub fn release_memory(&mut self) {
         self.prepared = Arc::new(PreparedFrames::new(PREPARED_BYTES));
         self.geometry = None;
         self.cloud = CloudSlot::default();
@@ -287,7 +288,7 @@ impl Session {
     }
 
     /// Starts a job and tells of it.
-    pub(super) fn start(
+    pub fn start(
         &mut self,
         title: &str,
         kind: Kind,

@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
+use super::Session;
 use super::jobs::{Kind, Landing};
-use super::store::{load_links, load_outcomes, read_sparse, sparse_path, version_in_force};
-use super::{Event, ResultKind, Session};
-use crate::frames::cameras::SparsePoints;
-use crate::scene::LabelledCloud;
-use crate::scene::rgbd::FrameLink;
-use crate::scene::sfm::Outcome;
+use crate::Event;
+use ostra_cloud::LabelledCloud;
+use ostra_frames::cameras::SparsePoints;
+use ostra_project::ResultKind;
+use ostra_project::store::{load_links, load_outcomes, read_sparse, sparse_path, version_in_force};
+use ostra_reconstruct::rgbd::FrameLink;
+use ostra_reconstruct::sfm::Outcome;
 
 /// What the cameras were found with.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -102,7 +104,7 @@ impl Session {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frames::cameras::{SparseKeypoint, SparsePoint};
+    use ostra_frames::cameras::{SparseKeypoint, SparsePoint};
 
     #[test]
     fn neighbours_and_matches_come_from_tracks() {

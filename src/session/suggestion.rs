@@ -3,7 +3,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use super::{Command, PromptRequest};
-use crate::masks::{Apartness, Click, LabelId, Prompt, PxBox, Region, deepest_point, outlines};
+use ostra_masks::{Apartness, Click, LabelId, Prompt, PxBox, Region, deepest_point, outlines};
 
 /// A thing that no label explains, offered to be labelled.
 #[derive(Debug, Clone, PartialEq)]

@@ -2,16 +2,19 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 
+use super::Session;
 use super::cloud::{CloudState, read_votes_on};
 use super::jobs::{Kind, Landing};
 use super::on_demand::OnDemand;
-use super::store::{cloud_path, mesh_path, mesh_votes_path, version_in_force, votes_path};
-use super::{Event, JobId, Project, ResultKind, Session};
-use crate::engine::job::Progress;
-use crate::frames::{Frame, FrameStore};
-use crate::scene::fuse::{ProjectViews, Votes, vote_again};
-use crate::scene::ply::{read_mesh, read_ply};
-use crate::scene::{LabelledCloud, LabelledMesh, voxel_faces, voxelize};
+use crate::Event;
+use ostra_cloud::fuse::{ProjectViews, Votes, vote_again};
+use ostra_cloud::ply::{read_mesh, read_ply};
+use ostra_cloud::{LabelledCloud, LabelledMesh, voxel_faces, voxelize};
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_frames::{Frame, FrameStore};
+use ostra_project::store::{cloud_path, mesh_path, mesh_votes_path, version_in_force, votes_path};
+use ostra_project::{Project, ResultKind};
 
 /// What can be drawn of a result besides its points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::Coloring;
-use crate::masks::{LabelId, LabelTree};
-use crate::scene::fuse::Votes;
+use ostra_cloud::fuse::Votes;
+use ostra_masks::{LabelId, LabelTree};
 
 /// How points and triangles get their colours, and which of them are seen.
 #[derive(Debug, Clone)]
@@ -18,7 +18,7 @@ pub struct Appearance {
     pub hidden: BTreeSet<LabelId>,
     /// The label that, with all below it, is drawn as ever while all else is drawn faintly; `None` = nothing is faint.
     pub isolated: Option<LabelId>,
-    /// Only points stand out whose label won less than this share of the votes ([`crate::scene::LabelledCloud::is_doubtful`]), 0–1, and all
+    /// Only points stand out whose label won less than this share of the votes ([`ostra_cloud::LabelledCloud::is_doubtful`]), 0–1, and all
     /// else is drawn faintly; `None` = all do.
     pub doubtful_below: Option<f32>,
     /// Opacity of what is faint, 0 (not drawn) to 1.

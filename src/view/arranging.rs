@@ -2,7 +2,7 @@ use std::sync::mpsc::{Receiver, SendError, Sender, TryRecvError, channel};
 use std::sync::{Arc, Weak};
 
 use super::arrangement::Arrangement;
-use crate::scene::LabelledCloud;
+use ostra_cloud::LabelledCloud;
 
 /// Points that are shown until all are arranged.
 const SAMPLE: usize = 65_536;

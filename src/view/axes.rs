@@ -2,7 +2,7 @@ use glam::{DQuat, Mat3, Vec3};
 
 use super::Bounds;
 use super::upright::upright;
-use crate::frames::Frame;
+use ostra_frames::Frame;
 
 /// Least share of the cameras' common direction that must point sideways for it to say where the front is.
 const LEVEL_SHARE: f32 = 0.2;

@@ -6,7 +6,7 @@ use super::pipelines::Pipelines;
 use super::point_blocks::PointBlocks;
 use super::surface_chunks::SurfaceChunks;
 use super::{Appearance, Scene3d};
-use crate::scene::{LabelledCloud, LabelledMesh};
+use ostra_cloud::{LabelledCloud, LabelledMesh};
 
 /// What the 3-D view shows.
 #[derive(Debug, Clone)]

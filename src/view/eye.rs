@@ -1,6 +1,6 @@
 use super::{Projection, ViewCamera};
-use crate::geometry::{Camera, Pose};
-use crate::scene::select::Eye;
+use ostra_cloud::select::Eye;
+use ostra_geometry::{Camera, Pose};
 
 /// Times the depth shown at which the pinhole stands that sees as an orthographic view does.
 const FAR: f64 = 1e3;
@@ -26,7 +26,7 @@ mod tests {
     use glam::{DVec2, Vec3};
 
     use super::*;
-    use crate::view::{Bounds, Orbit};
+    use crate::{Bounds, Orbit};
 
     #[test]
     fn both_see_a_point_in_the_same_place() {

@@ -40,7 +40,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::view::{Axes, Clip, Orbit};
+    use crate::{Axes, Clip, Orbit};
 
     fn orbit() -> Orbit {
         Orbit::framing(&Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE }, Vec3::new(0.3, 0.2, 1.0), Vec3::NEG_Y)

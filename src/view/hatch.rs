@@ -1,4 +1,4 @@
-use crate::masks::Region;
+use ostra_masks::Region;
 
 /// The colour of what is contradicted, sRGB.
 const COLOR: [u8; 3] = [235, 60, 50];

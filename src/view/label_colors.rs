@@ -1,5 +1,5 @@
 use super::Appearance;
-use crate::masks::{LabelId, LabelTree};
+use ostra_masks::{LabelId, LabelTree};
 
 /// Colour of what has no label or no known value (sRGB).
 pub(super) const UNKNOWN: [u8; 3] = [120, 120, 120];

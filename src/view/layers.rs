@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
-use crate::frames::{DepthMap, Frame, FrameError, FrameStore, Image, MadeDepth};
-use crate::view::coloring::ramp;
+use crate::coloring::ramp;
+use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image, MadeDepth};
 
 /// What is shown of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -97,8 +97,8 @@ fn seen(made: &MadeDepth, frame: &Frame, color: impl Fn(usize) -> [u8; 3]) -> Im
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frames::{Orientation, PictureSource};
-    use crate::geometry::Camera;
+    use ostra_frames::{Orientation, PictureSource};
+    use ostra_geometry::Camera;
 
     #[test]
     fn depth_is_drawn_from_near_to_far_and_holes_are_dark() {

@@ -1,8 +1,8 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::planes::frustum_corners;
-use crate::frames::Frame;
-use crate::scene::rgbd::{FrameLink, LinkKind};
+use ostra_frames::Frame;
+use ostra_reconstruct::rgbd::{FrameLink, LinkKind};
 
 /// A line in world space, ready for the GPU: two of these per segment.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -51,8 +51,8 @@ pub fn link_lines(frames: &[Frame], links: &[FrameLink]) -> Vec<Line> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frames::{FrameCamera, PictureSource};
-    use crate::geometry::{Camera, Pose};
+    use ostra_frames::{FrameCamera, PictureSource};
+    use ostra_geometry::{Camera, Pose};
 
     #[test]
     fn a_link_is_a_line_between_the_cameras_that_both_frames_have() {

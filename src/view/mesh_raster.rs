@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use super::paint::Paint;
 use super::raster::{Pixel, is_shown};
 use super::{Clip, Projection, SceneStyle, Shot, ViewCamera};
-use crate::scene::LabelledMesh;
+use ostra_cloud::LabelledMesh;
 
 /// Rows that one task fills.
 const BAND: usize = 32;
@@ -122,10 +122,10 @@ fn is_unclipped(share: Vec3, corners: [&Corner; 3], depth: f32, projection: Proj
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frames::Image;
-    use crate::masks::{Label, LabelId};
-    use crate::scene::LabelledCloud;
-    use crate::view::{Appearance, Axes, Bounds, Coloring};
+    use crate::{Appearance, Axes, Bounds, Coloring};
+    use ostra_cloud::LabelledCloud;
+    use ostra_frames::Image;
+    use ostra_masks::{Label, LabelId};
 
     /// A red square at z = 2 and, nearer, a green triangle over its lower left half, seen from the origin.
     fn scene() -> (LabelledMesh, ViewCamera) {

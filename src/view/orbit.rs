@@ -1,7 +1,7 @@
 use glam::{Mat3, Mat4, Quat, Vec2, Vec3};
 
 use super::{Axes, Bounds, Projection, Side, ViewCamera};
-use crate::geometry::{Camera, Pose};
+use ostra_geometry::{Camera, Pose};
 
 /// A camera that circles around a point, as the mouse moves it.
 #[derive(Debug, Clone, Copy, PartialEq)]

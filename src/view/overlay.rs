@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::Appearance;
 use super::label_colors::LabelColors;
-use crate::masks::{LabelId, LabelMask, LabelTree};
+use ostra_masks::{LabelId, LabelMask, LabelTree};
 
 /// How a mask lies over its picture.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,7 +59,7 @@ fn on_border(mask: &LabelMask, x: usize, y: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::masks::Label;
+    use ostra_masks::Label;
 
     #[test]
     fn areas_are_translucent_borders_opaque_hidden_labels_gone() {

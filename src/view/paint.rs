@@ -6,8 +6,8 @@ use super::coloring::{Coloring, ramp};
 use super::label_colors::{LabelColors, UNKNOWN, faint_opacity};
 use super::points::SpreadOrder;
 use super::{Appearance, Bounds};
-use crate::scene::LabelledCloud;
-use crate::scene::fuse::Votes;
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::fuse::Votes;
 
 /// Points that the ends of a ramp are read from.
 const SAMPLED: usize = 100_000;
@@ -134,7 +134,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::masks::{Label, LabelId};
+    use ostra_masks::{Label, LabelId};
 
     /// Four points in a row along x: plant, leaf, pot and unlabelled.
     fn cloud() -> LabelledCloud {

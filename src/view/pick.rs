@@ -3,8 +3,8 @@ use rayon::prelude::*;
 
 use super::paint::Paint;
 use super::{Appearance, Clip, ViewCamera};
-use crate::frames::Frame;
-use crate::scene::LabelledCloud;
+use ostra_cloud::LabelledCloud;
+use ostra_frames::Frame;
 
 /// The point seen at a pixel position: the nearest to the eye among those within `radius_px`, preferring the one that
 /// lies closest to the position when several are about equally near. What is hidden or clipped is looked through, and
@@ -58,8 +58,8 @@ pub fn pick_frustum(frames: &[Frame], camera: &ViewCamera, at_px: Vec2, radius_p
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::masks::{Label, LabelId};
-    use crate::view::{Axes, Bounds, Orbit};
+    use crate::{Axes, Bounds, Orbit};
+    use ostra_masks::{Label, LabelId};
 
     #[test]
     fn what_is_clipped_or_faint_is_looked_through() {

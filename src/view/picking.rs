@@ -5,7 +5,7 @@ use glam::Vec2;
 
 use super::arranging::beside_jobs;
 use super::{Appearance, Clip, ViewCamera, pick_point};
-use crate::scene::LabelledCloud;
+use ostra_cloud::LabelledCloud;
 
 /// The point seen at a pixel of a view, looked for in the background: large clouds take longer than a picture of the window.
 pub struct Picking {

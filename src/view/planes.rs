@@ -5,7 +5,7 @@ use glam::DVec2;
 use wgpu::util::DeviceExt;
 
 use super::pipelines::compiled;
-use crate::frames::{Frame, Image};
+use ostra_frames::{Frame, Image};
 
 /// A picture that stands in space.
 #[derive(Debug, Clone, PartialEq)]

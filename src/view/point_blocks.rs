@@ -7,7 +7,7 @@ use super::pipelines::Pipelines;
 use super::points::PointInstance;
 use super::shares::shares;
 use super::{SceneStyle, ViewCamera};
-use crate::scene::LabelledCloud;
+use ostra_cloud::LabelledCloud;
 
 /// Points handed to the GPU in one call, packed in about 10 ms. One thread packs: the pool of the program's jobs may be
 /// busy for seconds.

@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use super::arrangement::Arrangement;
 use super::paint::Paint;
 use super::{SceneStyle, Shot, ViewCamera};
-use crate::scene::LabelledCloud;
+use ostra_cloud::LabelledCloud;
 
 /// A pixel on its way to a picture. Opacity 0 = nothing is drawn there.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,9 +7,9 @@ use image::codecs::png::PngEncoder;
 use rayon::prelude::*;
 
 use super::{Axes, Bounds, Orbit, ViewError};
-use crate::engine::disk::AtomicFile;
-use crate::frames::{Frame, Image};
-use crate::scene::LabelledCloud;
+use ostra_cloud::LabelledCloud;
+use ostra_core::disk::AtomicFile;
+use ostra_frames::{Frame, Image};
 
 /// A drawn picture.
 #[derive(Debug, Clone, PartialEq)]

@@ -75,7 +75,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     use super::*;
-    use crate::view::z_order::ZOrder;
+    use crate::z_order::ZOrder;
 
     /// By index of the point.
     fn spacing(positions: &[Vec3]) -> Vec<f32> {

@@ -8,7 +8,7 @@ use wgpu::util::DeviceExt;
 use super::paint::Paint;
 use super::pipelines::Pipelines;
 use super::points::SpreadOrder;
-use crate::scene::LabelledMesh;
+use ostra_cloud::LabelledMesh;
 
 /// Triangles with vertices and indices of their own on the GPU.
 const CHUNK: usize = 4096;

@@ -6,13 +6,13 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::frames::Image;
-use crate::masks::{Label, LabelId, LabelTree};
-use crate::scene::{LabelledCloud, LabelledMesh};
-use crate::view::{
+use crate::{
     Appearance, Axes, Bounds, Clip, Coloring, Model, Orbit, PicturePlane, Scene3d, SceneStyle, SceneView, ViewCamera,
     draw_cloud, draw_mesh,
 };
+use ostra_cloud::{LabelledCloud, LabelledMesh};
+use ostra_frames::Image;
+use ostra_masks::{Label, LabelId, LabelTree};
 
 fn device() -> Option<(wgpu::Device, wgpu::Queue)> {
     let instance = wgpu::Instance::default();

@@ -108,7 +108,7 @@ impl ViewCamera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::{Bounds, Orbit};
+    use crate::{Bounds, Orbit};
 
     fn cameras() -> [ViewCamera; 2] {
         let bounds = Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) };

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::Bounds;
 use super::points::SpreadOrder;
-use crate::scene::morton;
+use ostra_cloud::morton;
 
 /// Points that the grid's place and size are read from.
 const SAMPLED: usize = 100_000;

@@ -9,11 +9,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use ostra::engine::job::Progress;
-use ostra::frames::cameras::GivenCameras;
-use ostra::frames::{FrameFolder, FrameStore, OpenRequest, open};
-use ostra::masks::{Direction, LabelId, LabelMask, TrackRequest, Tracker};
-use ostra::scene::carry::GeometryTracker;
+use ostra_core::job::Progress;
+use ostra_frames::cameras::GivenCameras;
+use ostra_frames::{FrameFolder, FrameStore, OpenRequest, open};
+use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest, Tracker};
+use ostra_tracking::carry::GeometryTracker;
 
 #[expect(clippy::print_stdout, reason = "a bench speaks to the user")]
 fn main() -> Result<(), Box<dyn Error>> {

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use glam::Vec3;
-use ostra::scene::LabelledCloud;
-use ostra::view::{Bounds, Model, Orbit, Scene3d, SceneStyle, SceneView};
+use ostra_cloud::LabelledCloud;
+use ostra_view::{Bounds, Model, Orbit, Scene3d, SceneStyle, SceneView};
 
 /// Pictures drawn while the camera moves.
 const MOVES: usize = 60;

@@ -12,14 +12,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use ostra::engine::job::Progress;
-use ostra::engine::nn::models_folder;
-use ostra::frames::{FrameFolder, FrameStore, OpenRequest, open};
-use ostra::masks::flow::{Describer, FlowTracker};
-use ostra::masks::onnx::XFeatCells;
-use ostra::masks::{
-    Direction, FramePair, LabelId, LabelMask, RunMask, TrackRequest, TrackedFrame, Tracker, score_pairs,
-};
+use ostra_compute::nn::models_folder;
+use ostra_core::job::Progress;
+use ostra_frames::{FrameFolder, FrameStore, OpenRequest, open};
+use ostra_masks::{Direction, LabelId, LabelMask, RunMask, TrackRequest, TrackedFrame, Tracker};
+use ostra_masks::{FramePair, score_pairs};
+use ostra_tracking::XFeatCells;
+use ostra_tracking::flow::{Describer, FlowTracker};
 
 #[expect(clippy::print_stdout, reason = "a bench speaks to the user")]
 fn main() -> Result<(), Box<dyn Error>> {

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use ostra::engine::job::Progress;
-use ostra::frames::{Frame, FrameStore, Orientation, PictureSource};
-use ostra::masks::{Direction, LabelId, LabelMask, TrackRequest, TrackedFrame, Tracker};
+use ostra_core::job::Progress;
+use ostra_frames::{Frame, FrameStore, Orientation, PictureSource};
+use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest, TrackedFrame, Tracker};
 
 const LABELS: u32 = 3;
 

@@ -11,12 +11,12 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use ostra::engine::job::Progress;
-use ostra::frames::Frame;
-use ostra::masks::{LabelId, LabelMask, LabelTree};
-use ostra::scene::LabelledCloud;
-use ostra::scene::fuse::{ChangedMask, FuseOptions, Fused, fuse, read_votes, relabel, write_votes};
-use ostra::scene::ply::{Coloring, read_ply, save_ply};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::fuse::{ChangedMask, FuseOptions, Fused, fuse, read_votes, relabel, write_votes};
+use ostra_cloud::ply::{Coloring, read_ply, save_ply};
+use ostra_core::job::Progress;
+use ostra_frames::Frame;
+use ostra_masks::{LabelId, LabelMask, LabelTree};
 
 #[path = "../support/mod.rs"]
 #[expect(dead_code, reason = "the benches share it with the integration tests and use a part")]

@@ -12,10 +12,10 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use ostra::engine::job::Progress;
-use ostra::frames::Image;
-use ostra::masks::onnx::grounding::GroundingDino;
-use ostra::masks::{GroundRequest, TextGrounder};
+use ostra_core::job::Progress;
+use ostra_frames::Image;
+use ostra_masks::onnx::grounding::GroundingDino;
+use ostra_masks::{GroundRequest, TextGrounder};
 
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();

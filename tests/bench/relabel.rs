@@ -15,12 +15,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec2;
-use ostra::engine::job::Progress;
-use ostra::frames::{FrameFolder, OpenRequest};
-use ostra::masks::{LabelId, LabelMask, LabelTree};
-use ostra::scene::LabelledCloud;
-use ostra::scene::fuse::{ChangedMask, FuseOptions, Views, Votes, fuse, relabel, vote_again};
-use ostra::session::{Command, FuseRequest, NewProject, PaintRequest, Session};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::fuse::{ChangedMask, FuseOptions, Views, Votes, fuse, relabel, vote_again};
+use ostra_core::job::Progress;
+use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_masks::{LabelId, LabelMask, LabelTree};
+use ostra_project::FuseRequest;
+use ostra_session::{Command, NewProject, PaintRequest, Session};
 
 #[path = "../support/mod.rs"]
 #[expect(dead_code, reason = "the benches share it with the integration tests and use a part")]

@@ -14,10 +14,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec2;
-use ostra::engine::job::Progress;
-use ostra::frames::Image;
-use ostra::masks::onnx::sam::{Part, Sam};
-use ostra::masks::{Click, PreparedFrame, Prompt, SegmentRequest};
+use ostra_core::job::Progress;
+use ostra_frames::Image;
+use ostra_masks::onnx::sam::{Part, Sam};
+use ostra_masks::{Click, PreparedFrame, Prompt, SegmentRequest};
 
 const CLICKS: u32 = 20;
 

@@ -13,11 +13,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use glam::DVec2;
-use ostra::engine::job::Progress;
-use ostra::frames::{DepthMap, Image};
-use ostra::masks::builtin::BuiltinSegmenter;
-use ostra::masks::{Click, LabelId, PreparedFrame, Prompt, PxBox, Region, SegmentRequest, Segmenter, next_click};
-use ostra::scene::synthetic::{Scene, SceneOptions};
+use ostra_core::job::Progress;
+use ostra_eval::synthetic::{Scene, SceneOptions};
+use ostra_frames::{DepthMap, Image};
+use ostra_masks::builtin::BuiltinSegmenter;
+use ostra_masks::{Click, LabelId, PreparedFrame, Prompt, PxBox, Region, SegmentRequest, Segmenter, next_click};
 
 const CAP: usize = 20;
 const SHOWN: [usize; 5] = [1, 3, 5, 10, 20];

@@ -8,11 +8,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DQuat, DVec2, DVec3};
-use ostra::engine::gpu::{Device, Software};
-use ostra::engine::job::Progress;
-use ostra::geometry::{Camera, Pose};
-use ostra::scene::stereo::Engine;
-use ostra::scene::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Plane, Round, Search, Tones};
+use ostra_compute::gpu::{Device, Software};
+use ostra_core::job::Progress;
+use ostra_geometry::{Camera, Pose};
+use ostra_reconstruct::stereo::Engine;
+use ostra_reconstruct::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Plane, Round, Search, Tones};
 
 /// Pictures: a reference and its sources.
 const VIEWS: usize = 5;

@@ -11,10 +11,10 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use ostra::engine::job::Progress;
-use ostra::masks::{LabelId, LabelMask, LabelTree};
-use ostra::scene::fuse::{OntoOptions, SeenPoints, vote_seen};
-use ostra::scene::volume::{VolumeOptions, reconstruct_surface};
+use ostra_cloud::fuse::{OntoOptions, SeenPoints, vote_seen};
+use ostra_cloud::volume::{VolumeOptions, reconstruct_surface};
+use ostra_core::job::Progress;
+use ostra_masks::{LabelId, LabelMask, LabelTree};
 
 #[path = "../support/mod.rs"]
 #[expect(dead_code, reason = "the benches share it with the integration tests and use a part")]

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use ostra::engine::job::Progress;
-use ostra::frames::cameras::{
+use ostra_core::job::Progress;
+use ostra_frames::cameras::{
     DepthCameraSource, GivenCameras, IntrinsicsSource, attach_intrinsics, read_sparse_model, read_sparse_points,
 };
-use ostra::frames::{Frame, FrameFolder, OpenRequest, open};
+use ostra_frames::{Frame, FrameFolder, OpenRequest, open};
 
 use crate::harness::{Seed, fuzz};
 use crate::seeds;

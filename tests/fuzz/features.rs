@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use glam::DVec2;
-use ostra::scene::sfm::matching::NearestMatcher;
-use ostra::scene::sfm::{
+use ostra_reconstruct::sfm::matching::NearestMatcher;
+use ostra_reconstruct::sfm::{
     CachedExtractor, CachedMatcher, Descriptors, FeatureCache, FeatureError, FeatureExtractor, FeatureMatcher, Features,
 };
 use sha2::{Digest, Sha256};

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use ostra::engine::job::Progress;
-use ostra::frames::{FrameFolder, FrameStore, MadeDepth, OpenRequest, exif_focal_px, open};
+use ostra_core::job::Progress;
+use ostra_frames::{FrameFolder, FrameStore, MadeDepth, OpenRequest, exif_focal_px, open};
 
 use crate::harness::{Seed, fuzz};
 use crate::seeds;

@@ -1,7 +1,7 @@
 //! Masks and label lists of every format.
 
-use ostra::engine::job::Progress;
-use ostra::masks::{LabelTree, MaskFormat, MaskFrame, import_masks, read_labels_json, read_palette_png};
+use ostra_core::job::Progress;
+use ostra_masks::{LabelTree, MaskFormat, MaskFrame, import_masks, read_labels_json, read_palette_png};
 
 use crate::harness::{Seed, fuzz};
 use crate::seeds;

@@ -6,13 +6,15 @@ use std::sync::OnceLock;
 
 use glam::DVec2;
 use image::{ImageBuffer, Luma};
-use ostra::frames::cameras::IntrinsicsSource;
-use ostra::frames::{FrameFolder, OpenRequest};
-use ostra::masks::{Click, LabelId, Prompt};
-use ostra::scene::fuse::read_votes;
-use ostra::session::{
-    Command, Event, FuseRequest, NewProject, PaintRequest, Project, PromptRequest, RangeChange, RangeRequest, Recipe,
-    ResultKind, Session, TidyRequest, TraceRequest,
+use ostra_cloud::fuse::read_votes;
+use ostra_frames::cameras::IntrinsicsSource;
+use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_masks::{Click, LabelId, Prompt};
+use ostra_project::{FuseRequest, Project, ResultKind};
+use ostra_session::Event;
+use ostra_session::{
+    Command, NewProject, PaintRequest, PromptRequest, RangeChange, RangeRequest, Recipe, Session, TidyRequest,
+    TraceRequest,
 };
 
 use crate::harness::{Seed, fuzz, scratch};

@@ -1,7 +1,7 @@
 //! Clouds and meshes.
 
-use ostra::engine::job::Progress;
-use ostra::scene::ply::{read_mesh, read_ply};
+use ostra_cloud::ply::{read_mesh, read_ply};
+use ostra_core::job::Progress;
 
 use crate::harness::fuzz;
 use crate::seeds;

@@ -4,12 +4,12 @@ use std::io::Cursor;
 
 use image::codecs::tiff::TiffEncoder;
 use image::{ExtendedColorType, ImageBuffer, ImageEncoder, ImageFormat, Luma, Rgb, RgbImage, Rgba, RgbaImage};
-use ostra::engine::job::Progress;
-use ostra::frames::{DepthMap, MadeDepth};
-use ostra::geometry::{Camera, Distortion};
-use ostra::masks::{Label, LabelId, LabelTree};
-use ostra::scene::ply::{Coloring, save_mesh, write_ply};
-use ostra::scene::{LabelledCloud, LabelledMesh};
+use ostra_cloud::ply::{Coloring, save_mesh, write_ply};
+use ostra_cloud::{LabelledCloud, LabelledMesh};
+use ostra_core::job::Progress;
+use ostra_frames::{DepthMap, MadeDepth};
+use ostra_geometry::{Camera, Distortion};
+use ostra_masks::{Label, LabelId, LabelTree};
 
 use crate::harness::Seed;
 

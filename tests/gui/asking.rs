@@ -6,12 +6,12 @@ use egui::{Color32, Key, Modifiers, PointerButton, Pos2, Shape};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
-use ostra::app::{Asked, Panes};
-use ostra::engine::job::Progress;
-use ostra::frames::FrameStore;
-use ostra::masks::LabelId;
-use ostra::scene::LabelledCloud;
-use ostra::scene::fuse::{OntoOptions, ProjectViews, Voter, vote_onto};
+use ostra_app::{Asked, Panes};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::fuse::{OntoOptions, ProjectViews, Voter, vote_onto};
+use ostra_core::job::Progress;
+use ostra_frames::FrameStore;
+use ostra_masks::LabelId;
 
 use crate::desk::{Desk, click_at, labels, on_screen, press};
 

@@ -3,9 +3,9 @@
 use egui::{Key, Modifiers, PointerButton};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
-use ostra::app::Tool;
-use ostra::masks::{ElasticBorders, LabelId};
-use ostra::session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequest};
+use ostra_app::Tool;
+use ostra_masks::{ElasticBorders, LabelId};
+use ostra_session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequest};
 
 use crate::desk::{Desk, click_at, drag, drag_fast, flick, hold, on_screen, press};
 

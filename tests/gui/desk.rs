@@ -8,18 +8,20 @@ use egui::{Pos2, Ui, Vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use egui_kittest::{Harness, HarnessBuilder};
 use glam::{DQuat, DVec3, Vec3};
-use ostra::app::{Layers, Look, Prefs, Shell};
-use ostra::frames::{Frame, FrameCamera, Image, Orientation, PictureSource};
-use ostra::geometry::{Camera, Pose};
-use ostra::masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
-use ostra::scene::doubt::FrameDoubt;
-use ostra::scene::fuse::Votes;
-use ostra::scene::measure::{LengthUnit, TraitRow};
-use ostra::scene::select::Selection;
-use ostra::scene::{LabelledCloud, LabelledMesh};
-use ostra::session::{
-    Angles, Command, Engine, FrameMask, Grounding, JobView, MaskOrigin, Pictures, Project, ProposedInstances, Row,
-    SparseModel, Suggestion, engines, list_models,
+use ostra_app::{Layers, Look, Prefs, Shell};
+use ostra_cloud::doubt::FrameDoubt;
+use ostra_cloud::fuse::Votes;
+use ostra_cloud::measure::{LengthUnit, TraitRow};
+use ostra_cloud::select::Selection;
+use ostra_cloud::{LabelledCloud, LabelledMesh};
+use ostra_compute::nn::Row;
+use ostra_frames::{Frame, FrameCamera, Image, Orientation, PictureSource};
+use ostra_geometry::{Camera, Pose};
+use ostra_masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
+use ostra_project::{FrameMask, MaskOrigin, Project};
+use ostra_session::JobView;
+use ostra_session::{
+    Angles, Command, Engine, Grounding, Pictures, ProposedInstances, SparseModel, Suggestion, list_engines, list_models,
 };
 
 pub const WIDTH: u32 = 64;
@@ -71,7 +73,7 @@ impl Desk {
             layers: None,
             hovered: None,
             jobs: Vec::new(),
-            engines: engines(),
+            engines: list_engines(),
             models: list_models().unwrap(),
             undo: None,
             recent: Vec::new(),

@@ -2,10 +2,11 @@
 
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::{NodeT, Queryable};
-use ostra::app::Dialog;
-use ostra::frames::cameras::ModelEncoding;
-use ostra::scene::measure::GroundChoice;
-use ostra::session::{Command, Installed, ModelRequest, ModelTask};
+use ostra_app::Dialog;
+use ostra_cloud::measure::GroundChoice;
+use ostra_compute::nn::Installed;
+use ostra_frames::cameras::ModelEncoding;
+use ostra_session::{Command, ModelRequest, ModelTask};
 
 use crate::desk::{Desk, press};
 

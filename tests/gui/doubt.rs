@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable;
-use ostra::app::Asked;
-use ostra::masks::LabelId;
-use ostra::scene::doubt::FrameDoubt;
-use ostra::session::Command;
+use ostra_app::Asked;
+use ostra_cloud::doubt::FrameDoubt;
+use ostra_masks::LabelId;
+use ostra_session::Command;
 
 use crate::desk::Desk;
 

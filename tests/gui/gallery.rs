@@ -5,15 +5,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use egui_kittest::wgpu::{WgpuTestRenderer, create_render_state, default_wgpu_setup};
-use ostra::app::{Dialog, Panes, Prefs, Severity, Shell};
-use ostra::engine::job::Progress;
-use ostra::frames::cameras::GivenCameras;
-use ostra::frames::{FrameFolder, FrameStore, OpenRequest};
-use ostra::masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
-use ostra::scene::LabelledCloud;
-use ostra::scene::ply::read_ply;
-use ostra::session::{FrameMask, MaskOrigin, Pictures, Project};
-use ostra::view::Coloring;
+use ostra_app::{Dialog, Panes, Prefs, Severity, Shell};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::ply::read_ply;
+use ostra_core::job::Progress;
+use ostra_frames::cameras::GivenCameras;
+use ostra_frames::{FrameFolder, FrameStore, OpenRequest};
+use ostra_masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
+use ostra_project::{FrameMask, MaskOrigin, Project};
+use ostra_session::Pictures;
+use ostra_view::Coloring;
 
 use crate::desk::Desk;
 use crate::support;
@@ -63,7 +64,7 @@ fn everything_opens_dark_and_light() {
 }
 
 fn show(name: &str, mut desk: Desk, change: fn(&mut Desk), theme: egui::Theme, keep: Option<&Path>) {
-    let mut builder = egui_kittest::Harness::builder().with_theme(theme).with_context_setup(ostra::app::set_theme);
+    let mut builder = egui_kittest::Harness::builder().with_theme(theme).with_context_setup(ostra_app::set_theme);
     if keep.is_some() {
         let gpu = create_render_state(default_wgpu_setup(), egui_wgpu::RendererOptions::PREDICTABLE);
         desk.shell = Shell::new(Prefs::default(), Some(&gpu));
@@ -89,7 +90,7 @@ fn shelf() -> Desk {
     let (progress, depth) = (Progress::default(), Some(dir.join("depth")));
     let sources = vec![FrameFolder { frames: dir.join("color"), depth }];
     let request = OpenRequest { sources, ..OpenRequest::default() };
-    let mut frames = ostra::frames::open(&request, &progress).unwrap().frames;
+    let mut frames = ostra_frames::open(&request, &progress).unwrap().frames;
     GivenCameras::read(&dir.join("sparse")).unwrap().match_to(&mut frames).unwrap();
     let cloud = read_ply(&dir.join("reference_labelled_cloud.ply"), &progress).unwrap().cloud;
     desk.project = Project { frames: Arc::new(frames), labels: shelf_labels(), ..Project::default() };

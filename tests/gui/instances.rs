@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use egui_kittest::kittest::{NodeT, Queryable};
-use ostra::masks::{Label, LabelId};
-use ostra::scene::instances::InstanceOptions;
-use ostra::session::{Command, InstancesRequest, ProposedInstances};
+use ostra_cloud::instances::InstanceOptions;
+use ostra_masks::{Label, LabelId};
+use ostra_session::{Command, InstancesRequest, ProposedInstances};
 
 use crate::desk::{Desk, labels};
 

@@ -5,11 +5,13 @@ use std::time::Duration;
 use egui::{Key, Modifiers, PointerButton};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use ostra::app::{Action, Dialog, Layers, Shortcuts};
-use ostra::engine::job::ProgressReport;
-use ostra::masks::{Direction, LabelId};
-use ostra::session::{Command, JobId, JobView};
-use ostra::view::Layer;
+use ostra_app::{Action, Dialog, Layers, Shortcuts};
+use ostra_core::job::JobId;
+use ostra_core::job::ProgressReport;
+use ostra_masks::{Direction, LabelId};
+use ostra_session::Command;
+use ostra_session::JobView;
+use ostra_view::Layer;
 
 use crate::desk::{Desk, click_at, on_screen, press};
 

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use egui_kittest::kittest::Queryable;
 use glam::{DVec2, DVec3};
-use ostra::frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
-use ostra::scene::sfm::Outcome;
-use ostra::session::{Command, ReconstructRequest, SparseModel};
+use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
+use ostra_project::ReconstructRequest;
+use ostra_reconstruct::sfm::Outcome;
+use ostra_session::{Command, SparseModel};
 
 use crate::desk::{Desk, press};
 

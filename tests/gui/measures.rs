@@ -6,11 +6,12 @@ use egui::{Key, Modifiers};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::Vec3;
-use ostra::engine::job::Progress;
-use ostra::masks::LabelId;
-use ostra::scene::LabelledCloud;
-use ostra::scene::measure::{Dimension, GroundChoice, LengthUnit, MeasureOptions, TraitRow, measure};
-use ostra::session::{Command, ExportRequest};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::measure::{Dimension, GroundChoice, LengthUnit, MeasureOptions, TraitRow, measure};
+use ostra_core::job::Progress;
+use ostra_masks::LabelId;
+use ostra_project::ExportRequest;
+use ostra_session::Command;
 
 use crate::desk::{Desk, press, tree};
 

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use egui_kittest::kittest::{NodeT, Queryable};
-use ostra::app::{Panes, Severity, Shown};
-use ostra::frames::{DepthSource, Orientation};
-use ostra::masks::{Apartness, LabelId, PxBox};
-use ostra::session::{Command, Reason, Suggestion, Surface, TrackSettings};
+use ostra_app::{Panes, Severity, Shown};
+use ostra_frames::{DepthSource, Orientation};
+use ostra_masks::{Apartness, LabelId, PxBox};
+use ostra_session::{Command, Reason, Suggestion, Surface, TrackSettings};
 
 use crate::desk::{Desk, labels};
 

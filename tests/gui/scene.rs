@@ -4,10 +4,10 @@ use egui::{Color32, Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, Pos
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
-use ostra::app::{Asked, ClipSides, Panes};
-use ostra::masks::LabelId;
-use ostra::scene::measure::GroundChoice;
-use ostra::view::Coloring;
+use ostra_app::{Asked, ClipSides, Panes};
+use ostra_cloud::measure::GroundChoice;
+use ostra_masks::LabelId;
+use ostra_view::Coloring;
 
 use crate::desk::{Desk, drag, labels, press};
 
@@ -221,7 +221,7 @@ fn the_view_and_what_was_measured_follow_a_scale() {
     desk.shell.view.measures.wish.ground = GroundChoice::Plane { normal: [0.0, 0.0, 1.0], offset: 0.8 };
     desk.shell.view.fuse.voxel = Some(0.02);
     // As the window does when the frames of the project say that everything was scaled.
-    let mut cloud = ostra::scene::LabelledCloud::clone(desk.cloud.as_ref().unwrap());
+    let mut cloud = ostra_cloud::LabelledCloud::clone(desk.cloud.as_ref().unwrap());
     cloud.scale_by(0.25);
     desk.cloud = Some(std::sync::Arc::new(cloud));
     desk.shell.scale_by(0.25);

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use ostra::app::SelectShape;
-use ostra::masks::LabelId;
-use ostra::scene::fuse::Votes;
-use ostra::scene::select::{Eye, SeenRegion, SelectStep, Selection, Selector};
-use ostra::session::{AdoptRequest, CloudChange, CloudCorrection, Command, ResultKind};
+use ostra_app::SelectShape;
+use ostra_cloud::fuse::Votes;
+use ostra_cloud::select::{Eye, SeenRegion, SelectStep, Selection, Selector};
+use ostra_masks::LabelId;
+use ostra_project::ResultKind;
+use ostra_session::{AdoptRequest, CloudChange, CloudCorrection, Command};
 
 use crate::desk::{Desk, drag, drag_fast, press};
 
@@ -46,7 +47,7 @@ fn find(harness: &mut Harness<'_, Desk>) -> Arc<Selection> {
     let desk = harness.state_mut();
     let selector = Selector::new(desk.cloud.clone().unwrap()).unwrap();
     let steps = &desk.shell.view.scene_select.steps;
-    let progress = ostra::engine::job::Progress::default();
+    let progress = ostra_core::job::Progress::default();
     let found = selector.select(&desk.project.frames, &desk.project.labels, steps, &progress).unwrap();
     let found = Arc::new(found);
     desk.chosen = Some(Arc::clone(&found));

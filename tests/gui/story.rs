@@ -7,14 +7,15 @@ use std::time::{Duration, Instant};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::Vec3;
-use ostra::app::{Dialog, Prefs, Shell, Window};
-use ostra::engine::job::Progress;
-use ostra::frames::{FrameFolder, OpenRequest};
-use ostra::masks::LabelId;
-use ostra::scene::LabelledCloud;
-use ostra::scene::ply::{Coloring, save_ply};
-use ostra::scene::synthetic::{Scene, SceneOptions};
-use ostra::session::{Command, FuseRequest, NewProject, Recent, Session};
+use ostra_app::{Dialog, Prefs, Shell, Window};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::ply::{Coloring, save_ply};
+use ostra_core::job::Progress;
+use ostra_eval::synthetic::{Scene, SceneOptions};
+use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_masks::LabelId;
+use ostra_project::FuseRequest;
+use ostra_session::{Command, NewProject, Recent, Session};
 
 type Shown = Harness<'static, Option<Window>>;
 

@@ -3,10 +3,11 @@
 use egui::{Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use ostra::app::Dialog;
-use ostra::frames::FrameSet;
-use ostra::masks::LabelId;
-use ostra::session::{Command, Marks, RangeChange, RangeRequest};
+use ostra_app::Dialog;
+use ostra_frames::FrameSet;
+use ostra_masks::LabelId;
+use ostra_project::Marks;
+use ostra_session::{Command, RangeChange, RangeRequest};
 
 use crate::desk::{Desk, click_at, drag, on_screen, press};
 
@@ -140,8 +141,8 @@ fn a_label_that_was_lost_is_a_frame_to_check() {
     let mut harness = with_leaf();
     let project = &mut harness.state_mut().project;
     let seen = project.masks[&1].clone();
-    let empty = ostra::session::FrameMask {
-        runs: std::sync::Arc::new(ostra::masks::RunMask::empty(seen.runs.width, seen.runs.height)),
+    let empty = ostra_project::FrameMask {
+        runs: std::sync::Arc::new(ostra_masks::RunMask::empty(seen.runs.width, seen.runs.height)),
         confidence: Default::default(),
         ..seen.clone()
     };

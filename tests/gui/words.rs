@@ -2,8 +2,8 @@
 
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::DVec2;
-use ostra::masks::PxBox;
-use ostra::session::{Command, EngineKind, FoundThing, GroundRequest, Grounding, TakeRequest};
+use ostra_masks::PxBox;
+use ostra_session::{Command, EngineKind, FoundThing, GroundRequest, Grounding, TakeRequest};
 
 use crate::desk::Desk;
 

@@ -5,12 +5,12 @@ use std::path::Path;
 use std::process::Command as Process;
 
 use glam::{DVec2, Vec3};
-use ostra::masks::LabelId;
-use ostra::scene::LabelledCloud;
-use ostra::scene::select::{Eye, SeenRegion, SelectStep};
-use ostra::session::{
-    AdoptRequest, CloudChange, CloudCorrection, Command, Event, FuseRequest, RangeChange, RangeRequest, Session,
-};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::select::{Eye, SeenRegion, SelectStep};
+use ostra_masks::LabelId;
+use ostra_project::FuseRequest;
+use ostra_session::Event;
+use ostra_session::{AdoptRequest, CloudChange, CloudCorrection, Command, RangeChange, RangeRequest, Session};
 
 use super::command_line::{done, refused};
 use super::session::perform;

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ostra::masks::{LabelId, read_palette_png};
+use ostra_masks::{LabelId, read_palette_png};
 use serde::Deserialize;
 use serde_json::{Value, json};
 

@@ -4,10 +4,11 @@
 use std::path::Path;
 use std::process::Command as Process;
 
-use ostra::engine::job::Progress;
-use ostra::scene::instances::InstanceOptions;
-use ostra::scene::synthetic::{Scene, SceneKind, SceneOptions};
-use ostra::session::{Command, FuseRequest, InstancesRequest, ResultKind, Session};
+use ostra_cloud::instances::InstanceOptions;
+use ostra_core::job::Progress;
+use ostra_eval::synthetic::{Scene, SceneKind, SceneOptions};
+use ostra_project::{FuseRequest, ResultKind};
+use ostra_session::{Command, InstancesRequest, Session};
 use serde_json::Value;
 
 use super::command_line::{done, refused};

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use ostra::engine::job::Progress;
-use ostra::frames::cameras::{GivenCameras, ModelEncoding, SparsePoints, read_sparse_points, write_colmap_model};
-use ostra::frames::{Frame, FrameFolder, OpenRequest, open};
-use ostra::geometry::{Alignment, Pose, TrajectoryError};
+use ostra_core::job::Progress;
+use ostra_frames::cameras::{GivenCameras, ModelEncoding, SparsePoints, read_sparse_points, write_colmap_model};
+use ostra_frames::{Frame, FrameFolder, OpenRequest, open};
+use ostra_geometry::{Alignment, Pose, TrajectoryError};
 
 use crate::support::data_dir;
 

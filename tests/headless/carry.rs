@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use ostra::engine::job::Progress;
-use ostra::frames::cameras::GivenCameras;
-use ostra::frames::{Frame, FrameFolder, FrameStore, OpenRequest, open};
-use ostra::masks::{Direction, LabelId, LabelMask, TrackRequest, Tracker, read_palette_png};
-use ostra::scene::carry::GeometryTracker;
-use ostra::scene::synthetic::{Scene, SceneOptions};
+use ostra_core::job::Progress;
+use ostra_eval::synthetic::{Scene, SceneOptions};
+use ostra_frames::cameras::GivenCameras;
+use ostra_frames::{Frame, FrameFolder, FrameStore, OpenRequest, open};
+use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest, Tracker, read_palette_png};
+use ostra_tracking::carry::GeometryTracker;
 
 use crate::support::data_dir;
 
@@ -24,7 +24,7 @@ fn carried(frames: &[Frame], anchor: usize, mask: LabelMask) -> BTreeMap<usize, 
         labels: None,
     };
     let mut masks = BTreeMap::new();
-    let mut take = |tracked: ostra::masks::TrackedFrame| {
+    let mut take = |tracked: ostra_masks::TrackedFrame| {
         masks.insert(tracked.frame, tracked.mask);
     };
     GeometryTracker::default().track(&request, &mut take, &Progress::default()).unwrap();

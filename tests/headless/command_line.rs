@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use image::{GrayImage, ImageBuffer, Luma, RgbImage};
-use ostra::engine::job::Progress;
-use ostra::masks::{LabelId, read_palette_png};
-use ostra::scene::ply::{Coloring, read_ply, save_ply};
+use ostra_cloud::ply::{Coloring, read_ply, save_ply};
+use ostra_core::job::Progress;
+use ostra_masks::{LabelId, read_palette_png};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -306,8 +306,8 @@ fn one_label_is_tracked_anew_and_the_others_stay() {
     };
     let file = |k: u32| Path::new(&project).join(format!("masks/{k}.png"));
     let bytes = || [0, 1, 2, 3].map(|k| std::fs::read(file(k)).unwrap());
-    let mask = |k| ostra::masks::read_palette_png(&file(k)).unwrap();
-    let region = |k: u32, id: u16| mask(k).region(ostra::masks::LabelId(id));
+    let mask = |k| ostra_masks::read_palette_png(&file(k)).unwrap();
+    let region = |k: u32, id: u16| mask(k).region(ostra_masks::LabelId(id));
     let state = || -> Vec<String> {
         let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
         info["frames"].as_array().unwrap().iter().map(|frame| frame["mask"].as_str().unwrap().to_owned()).collect()

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use ostra::engine::job::Progress;
-use ostra::masks::{LabelTree, RunMask, encode_palette_png, read_palette_png};
-use ostra::scene::synthetic::{Scene, SceneOptions};
+use ostra_core::job::Progress;
+use ostra_eval::synthetic::{Scene, SceneOptions};
+use ostra_masks::{LabelTree, RunMask, encode_palette_png, read_palette_png};
 use serde_json::Value;
 
 use crate::support::data_dir;

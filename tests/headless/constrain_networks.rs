@@ -5,17 +5,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use ostra::engine::job::Progress;
-use ostra::engine::nn::{Network, Runtime};
-use ostra::frames::{FrameFolder, OpenRequest};
-use ostra::masks::onnx::deaot::Deaot;
-use ostra::masks::onnx::xmem::XMem;
-use ostra::masks::{
-    Direction, FramePair, LabelMask, MaskError, RunMask, TrackRequest, TrackedFrame, Tracker, score_pairs,
+use ostra_compute::nn::{Network, Runtime};
+use ostra_core::job::Progress;
+use ostra_eval::synthetic::{Scene, SceneOptions};
+use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_masks::{Direction, LabelMask, MaskError, RunMask, TrackRequest, TrackedFrame, Tracker};
+use ostra_masks::{FramePair, score_pairs};
+use ostra_session::{Command, NewProject, Session};
+use ostra_tracking::deaot::Deaot;
+use ostra_tracking::xmem::XMem;
+use ostra_tracking::{
+    carry::GeometryTracker,
+    constrain::{ConstrainOptions, ConstrainedTracker},
 };
-use ostra::scene::synthetic::{Scene, SceneOptions};
-use ostra::scene::{ConstrainOptions, ConstrainedTracker, GeometryTracker};
-use ostra::session::{Command, NewProject, Session};
 
 use super::session::perform;
 

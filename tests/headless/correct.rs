@@ -4,12 +4,11 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use glam::DVec2;
-use ostra::masks::{LabelId, LabelMask, Region, RunMask, encode_palette_png, read_palette_png};
-use ostra::scene::instances::InstanceOptions;
-use ostra::scene::select::{Eye, Likeness, SeenRegion, SelectStep};
-use ostra::session::{
-    CloudChange, CloudCorrection, Command, FuseRequest, InstancesRequest, MaskOrigin, ResultKind, Session, Surface,
-};
+use ostra_cloud::instances::InstanceOptions;
+use ostra_cloud::select::{Eye, Likeness, SeenRegion, SelectStep};
+use ostra_masks::{LabelId, LabelMask, Region, RunMask, encode_palette_png, read_palette_png};
+use ostra_project::{FuseRequest, MaskOrigin, ResultKind};
+use ostra_session::{CloudChange, CloudCorrection, Command, InstancesRequest, Session, Surface};
 
 use super::command_line::{Recording, contents, done, ostra, refused};
 use super::session::{new_project, perform};

@@ -12,9 +12,11 @@ use std::process::{Child, Command as Process, Stdio};
 use std::time::{Duration, Instant};
 
 use glam::DVec2;
-use ostra::frames::{FrameFolder, OpenRequest};
-use ostra::masks::LabelId;
-use ostra::session::{Command, Event, NewProject, PaintRequest, Project, RangeChange, RangeRequest, Session};
+use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_masks::LabelId;
+use ostra_project::Project;
+use ostra_session::Event;
+use ostra_session::{Command, NewProject, PaintRequest, RangeChange, RangeRequest, Session};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

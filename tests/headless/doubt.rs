@@ -3,8 +3,8 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use ostra::masks::{LabelId, read_palette_png};
-use ostra::session::{Command, Session};
+use ostra_masks::{LabelId, read_palette_png};
+use ostra_session::{Command, Session};
 use serde_json::Value;
 
 use super::command_line::{Recording, done, ostra, refused};

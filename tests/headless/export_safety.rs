@@ -293,8 +293,8 @@ fn common_libraries_read_every_export() {
     done(&["export", &project, "--cloud", &at("c.laz"), "--mesh", &at("m.obj"), "--undistorted", &at("undistorted")]);
     done(&["export", &project, "--cloud", &at("c.pcd"), "--cameras", &at("cameras-binary"), "--binary"]);
     done(&["masks", &project, "export", &at("coco"), "--format", "coco"]);
-    let progress = ostra::engine::job::Progress::default();
-    let cloud = ostra::scene::ply::read_ply(Path::new(&at("c.ply")), &progress).unwrap().cloud;
+    let progress = ostra_core::job::Progress::default();
+    let cloud = ostra_cloud::ply::read_ply(Path::new(&at("c.ply")), &progress).unwrap().cloud;
     let labelled = cloud.labels.iter().filter(|label| label.0 == 1).count();
     assert!(labelled > 0);
     let output = python(&["-c", READERS, &out, &cloud.len().to_string(), &labelled.to_string()]).unwrap();

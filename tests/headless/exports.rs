@@ -6,8 +6,9 @@ use std::path::Path;
 use std::process::Command as Process;
 use std::sync::Arc;
 
-use ostra::scene::measure::LengthUnit;
-use ostra::session::{Command, FuseRequest, MeasureWish, Session};
+use ostra_cloud::measure::LengthUnit;
+use ostra_project::FuseRequest;
+use ostra_session::{Command, MeasureWish, Session};
 
 use super::command_line::{Recording, done, refused};
 

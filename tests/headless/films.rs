@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use ostra::engine::job::Progress;
-use ostra::frames::{Frame, FrameFolder, FrameStore, OpenRequest, Opened, open};
+use ostra_core::job::Progress;
+use ostra_frames::{Frame, FrameFolder, FrameStore, OpenRequest, Opened, open};
 
 use crate::support::film::{self, Making, has_ffmpeg};
 

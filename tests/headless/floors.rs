@@ -3,14 +3,15 @@
 use std::path::Path;
 use std::process::Command as Process;
 
-use ostra::engine::job::Progress;
-use ostra::frames::{FrameFolder, OpenRequest};
-use ostra::masks::{LabelId, LabelMask, Prompt, Region, next_click, read_palette_png};
-use ostra::scene::LabelledCloud;
-use ostra::scene::ply::read_ply;
-use ostra::scene::score::{CloudScoreOptions, LabelScore, score_cloud};
-use ostra::scene::synthetic::{Scene, SceneOptions, TruthOptions};
-use ostra::session::{Command, FuseRequest, NewProject, PromptRequest, Session};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::ply::read_ply;
+use ostra_core::job::Progress;
+use ostra_eval::cloud_score::{CloudScoreOptions, LabelScore, score_cloud};
+use ostra_eval::synthetic::{Scene, SceneOptions, TruthOptions};
+use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_masks::{LabelId, LabelMask, Prompt, Region, next_click, read_palette_png};
+use ostra_project::FuseRequest;
+use ostra_session::{Command, NewProject, PromptRequest, Session};
 
 use super::session::{new_project, perform, track};
 use crate::support::data_dir;

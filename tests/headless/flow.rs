@@ -4,15 +4,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
-use ostra::engine::job::Progress;
-use ostra::frames::{FrameFolder, FrameStore, OpenRequest, open};
-use ostra::masks::builtin::BuiltinSegmenter;
-use ostra::masks::flow::{Describer, FlowTracker};
-use ostra::masks::onnx::XFeatCells;
-use ostra::masks::{
-    Direction, FramePair, LabelId, LabelMask, Prompt, RunMask, SegmentRequest, Segmenter, TrackRequest, TrackedFrame,
-    Tracker, next_click, score_pairs,
+use ostra_core::job::Progress;
+use ostra_frames::{FrameFolder, FrameStore, OpenRequest, open};
+use ostra_masks::builtin::BuiltinSegmenter;
+use ostra_masks::{
+    Direction, LabelId, LabelMask, Prompt, RunMask, SegmentRequest, Segmenter, TrackRequest, TrackedFrame, Tracker,
+    next_click,
 };
+use ostra_masks::{FramePair, score_pairs};
+use ostra_tracking::XFeatCells;
+use ostra_tracking::flow::{Describer, FlowTracker};
 
 use super::sfm_learned::{Needs, ostra};
 use crate::support::data_dir;

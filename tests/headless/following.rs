@@ -5,10 +5,12 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-use ostra::masks::{LabelId, RunMask, encode_palette_png};
-use ostra::scene::LabelledCloud;
-use ostra::scene::ply::read_ply;
-use ostra::session::{Command, Event, ExportRequest, FuseRequest, ResultKind, Session, Surface};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::ply::read_ply;
+use ostra_masks::{LabelId, RunMask, encode_palette_png};
+use ostra_project::{ExportRequest, FuseRequest, ResultKind};
+use ostra_session::Event;
+use ostra_session::{Command, Session, Surface};
 
 use super::correct::{JOKES, TISSUES, truth, wrongly_labelled};
 use super::session::perform;

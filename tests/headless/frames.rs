@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use ostra::engine::job::Progress;
-use ostra::frames::{FrameFolder, FrameStore, OpenRequest, Opened, missing_sources, open, open_more};
+use ostra_core::job::Progress;
+use ostra_frames::{FrameFolder, FrameStore, OpenRequest, Opened, missing_sources, open, open_more};
 
 use crate::support::data_dir;
 

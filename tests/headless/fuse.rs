@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use ostra::engine::job::Progress;
-use ostra::frames::{DepthMap, Frame, Image, Orientation, PictureSource};
-use ostra::geometry::Camera;
-use ostra::masks::{LabelId, LabelMask, LabelTree};
-use ostra::scene::fuse::{ChangedMask, FuseOptions, Fused, OntoOptions, Views, fuse, relabel, vote_onto, write_votes};
-use ostra::scene::ply::{Coloring, read_ply, write_ply};
-use ostra::scene::points::Neighbours;
-use ostra::scene::score::{CloudScore, CloudScoreOptions, cloud_table, score_cloud};
-use ostra::scene::synthetic::{RenderedView, Scene, SceneOptions, SensorNoise, TruthOptions};
-use ostra::scene::{LabelledCloud, SceneError};
+use ostra_cloud::fuse::{ChangedMask, FuseOptions, Fused, OntoOptions, Views, fuse, relabel, vote_onto, write_votes};
+use ostra_cloud::ply::{Coloring, read_ply, write_ply};
+use ostra_cloud::points::Neighbours;
+use ostra_cloud::{LabelledCloud, SceneError};
+use ostra_core::job::Progress;
+use ostra_eval::cloud_score::{CloudScore, CloudScoreOptions, cloud_table, score_cloud};
+use ostra_eval::synthetic::{RenderedView, Scene, SceneOptions, SensorNoise, TruthOptions};
+use ostra_frames::{DepthMap, Frame, Image, Orientation, PictureSource};
+use ostra_geometry::Camera;
+use ostra_masks::{LabelId, LabelMask, LabelTree};
 
 use crate::support::data_dir;
 use crate::support::recording::Recording;

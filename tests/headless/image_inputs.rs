@@ -4,8 +4,8 @@ use std::path::Path;
 use std::process::Command;
 
 use image::{DynamicImage, GrayAlphaImage, ImageBuffer, Luma, LumaA, Rgb, RgbImage, Rgba, RgbaImage};
-use ostra::engine::job::Progress;
-use ostra::frames::{FrameFolder, FrameStore, OpenRequest, Opened, open};
+use ostra_core::job::Progress;
+use ostra_frames::{FrameFolder, FrameStore, OpenRequest, Opened, open};
 use serde_json::Value;
 use tiff::encoder::{TiffEncoder, colortype};
 

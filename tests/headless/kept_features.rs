@@ -4,7 +4,9 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use image::{GrayImage, Luma};
-use ostra::session::{Command, Event, ReconstructMethod, ReconstructRequest, Session};
+use ostra_project::{ReconstructMethod, ReconstructRequest};
+use ostra_session::Event;
+use ostra_session::{Command, Session};
 
 use super::command_line::contents;
 use super::scale::{HEIGHT, Photos, WIDTH, done_with_both};

@@ -131,8 +131,8 @@ fn check_outputs(folder: &Path) {
                     Some("png") => image::load_from_memory(&bytes).is_ok(),
                     Some("json") => serde_json::from_slice::<Value>(&bytes).is_ok(),
                     Some("ply") => {
-                        let progress = ostra::engine::job::Progress::default();
-                        ostra::scene::ply::read_ply(&path, &progress).is_ok()
+                        let progress = ostra_core::job::Progress::default();
+                        ostra_cloud::ply::read_ply(&path, &progress).is_ok()
                     }
                     Some("glb") => {
                         bytes.len() >= 12
@@ -195,7 +195,7 @@ fn kills_of_every_kind_of_job_lose_nothing() {
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(folder).unwrap() {
             let entry = entry.unwrap();
-            assert!(!ostra::engine::disk::is_temporary(&entry.file_name()), "{:?}", entry.path());
+            assert!(!ostra_core::disk::is_temporary(&entry.file_name()), "{:?}", entry.path());
             if entry.file_type().unwrap().is_dir() {
                 folders.push(entry.path());
             }

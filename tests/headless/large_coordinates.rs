@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use glam::DVec3;
-use ostra::engine::job::Progress;
-use ostra::scene::LabelledCloud;
-use ostra::scene::ply::{read_mesh, read_ply};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::ply::{read_mesh, read_ply};
+use ostra_core::job::Progress;
 use serde_json::Value;
 
 use super::command_line::{Recording, done};

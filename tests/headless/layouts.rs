@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ImageBuffer, ImageEncoder, Luma, Rgb, RgbImage};
-use ostra::session::{Command, Session};
+use ostra_session::{Command, Session};
 
 use super::frames::exif;
 use super::session::perform;

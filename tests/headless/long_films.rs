@@ -10,9 +10,11 @@ use std::process::{Child, Command as Process, Stdio};
 use std::time::{Duration, Instant};
 
 use glam::DVec2;
-use ostra::frames::{FrameFolder, OpenRequest};
-use ostra::masks::LabelId;
-use ostra::session::{Command, Event, MaskOrigin, NewProject, PaintRequest, Session, TrackSettings};
+use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_masks::LabelId;
+use ostra_project::MaskOrigin;
+use ostra_session::Event;
+use ostra_session::{Command, NewProject, PaintRequest, Session, TrackSettings};
 
 use crate::support::film::{Making, has_ffmpeg, make_film};
 

@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
-use ostra::engine::job::Progress;
-use ostra::masks::{
-    Label, LabelId, LabelMask, LabelTree, MaskFormat, MaskFrame, RunMask, ScoreOptions, deepest_point, export_masks,
-    import_masks, read_palette_png, score_masks,
+use ostra_core::job::Progress;
+use ostra_masks::{
+    Label, LabelId, LabelMask, LabelTree, MaskFormat, MaskFrame, RunMask, deepest_point, export_masks, import_masks,
+    read_palette_png,
 };
+use ostra_masks::{ScoreOptions, score_masks};
 
 use crate::support::data_dir;
 

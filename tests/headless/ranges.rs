@@ -37,7 +37,7 @@ fn areas(folder: &Path) -> [[usize; 2]; 6] {
     let out = folder.join("out");
     let _ = std::fs::remove_dir_all(&out);
     done("masks p export out", folder);
-    let mask = |frame| ostra::masks::read_palette_png(&out.join(format!("{frame}.png"))).unwrap();
+    let mask = |frame| ostra_masks::read_palette_png(&out.join(format!("{frame}.png"))).unwrap();
     let count = |frame, id| mask(frame).ids.iter().filter(|at| at.0 == id).count();
     [0, 1, 2, 3, 4, 5].map(|frame| [1, 2].map(|id| count(frame, id)))
 }

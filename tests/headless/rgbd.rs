@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use glam::DVec2;
-use ostra::frames::{DepthSource, Frame, FrameStore};
-use ostra::session::{Command, Session};
+use ostra_frames::{DepthSource, Frame, FrameStore};
+use ostra_session::{Command, Session};
 use serde_json::Value;
 
 use super::session::perform;

@@ -5,11 +5,12 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use glam::{DMat3, DQuat, DVec2, DVec3, Vec3};
 use image::{GrayImage, Luma};
-use ostra::engine::job::Progress;
-use ostra::geometry::{Camera, Pose};
-use ostra::scene::measure::LengthUnit;
-use ostra::scene::ply::{read_mesh, read_ply};
-use ostra::session::{Command, ScaleEnd, ScaleRequest, Session};
+use ostra_cloud::measure::LengthUnit;
+use ostra_cloud::ply::{read_mesh, read_ply};
+use ostra_core::job::Progress;
+use ostra_geometry::{Camera, Pose};
+use ostra_project::{ScaleEnd, ScaleRequest};
+use ostra_session::{Command, Session};
 use tempfile::TempDir;
 
 use super::command_line::{Recording, contents, done, refused};

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ostra::engine::job::Progress;
-use ostra::frames::Image;
-use ostra::masks::builtin::BuiltinSegmenter;
-use ostra::masks::{Prompt, Region, SegmentRequest, Segmenter, next_click};
+use ostra_core::job::Progress;
+use ostra_frames::Image;
+use ostra_masks::builtin::BuiltinSegmenter;
+use ostra_masks::{Prompt, Region, SegmentRequest, Segmenter, next_click};
 use rayon::prelude::*;
 
 use crate::support::data_dir;

@@ -4,14 +4,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use glam::DVec2;
-use ostra::engine::job::Progress;
-use ostra::frames::{FrameFolder, OpenRequest};
-use ostra::masks::{Click, LabelId, Prompt, deepest_point, read_palette_png};
-use ostra::scene::ply::{read_mesh, read_ply};
-use ostra::session::{
-    Command, Event, ExportRequest, FuseRequest, MaskOrigin, NewProject, PromptRequest, ReconstructRequest, ResultKind,
-    Session, TrackSettings,
-};
+use ostra_cloud::ply::{read_mesh, read_ply};
+use ostra_core::job::Progress;
+use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_masks::{Click, LabelId, Prompt, deepest_point, read_palette_png};
+use ostra_project::{ExportRequest, FuseRequest, MaskOrigin, ReconstructRequest, ResultKind};
+use ostra_session::Event;
+use ostra_session::{Command, NewProject, PromptRequest, Session, TrackSettings};
 
 use super::command_line::{Recording, done, refused};
 use crate::support::data_dir;
@@ -194,7 +193,7 @@ fn other_formats(session: &mut Session, out: &Path, triangles: usize, voxels: us
 /// The commands of a session, run by another, make an equal project.
 fn repeated(session: &Session, data: &Path, folder: &Path) {
     let text = serde_json::to_string(session.recipe()).unwrap();
-    let recipe: ostra::session::Recipe = serde_json::from_str(&text).unwrap();
+    let recipe: ostra_session::Recipe = serde_json::from_str(&text).unwrap();
     assert_eq!(&recipe, session.recipe());
     let mut again = Session::new();
     for command in recipe.commands {
@@ -213,7 +212,7 @@ fn repeated(session: &Session, data: &Path, folder: &Path) {
     assert!(bytes(session) == bytes(&again), "equal bytes");
 }
 
-fn undone_and_redone(session: &mut Session, end: &ostra::session::Project) {
+fn undone_and_redone(session: &mut Session, end: &ostra_project::Project) {
     let cloud_file = session.root().unwrap().join("cloud.ply");
     let first = std::fs::read(&cloud_file).unwrap();
     perform(session, Command::Fuse(FuseRequest { voxel: Some(0.02), ..FuseRequest::default() })).unwrap();

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use image::imageops::FilterType;
-use ostra::frames::cameras::{CameraKey, GivenCameras};
-use ostra::geometry::{Alignment, Pose, Similarity};
+use ostra_frames::cameras::{CameraKey, GivenCameras};
+use ostra_geometry::{Alignment, Pose, Similarity};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -231,7 +231,7 @@ fn close_ups_are_added_to_a_standing_model() {
     });
     let (found, truth): (Vec<Pose>, Vec<Pose>) = pairs.unzip();
     assert_eq!(found.len(), 14);
-    let error = ostra::geometry::TrajectoryError::between(&found, &truth, Alignment::Sim3).unwrap();
+    let error = ostra_geometry::TrajectoryError::between(&found, &truth, Alignment::Sim3).unwrap();
     let percent = 100.0 * error.centre.rmse / error.extent;
     println!("fountain at a quarter of its size with three close-ups: centre {percent:.3} %");
     assert!(percent <= 0.15);

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DVec3};
 use image::RgbImage;
 use image::imageops::FilterType;
-use ostra::session::{Command as Request, Event, JobView, ReconstructMethod, ReconstructRequest, Session};
+use ostra_project::{ReconstructMethod, ReconstructRequest};
+use ostra_session::{Command as Request, Session};
+use ostra_session::{Event, JobView};
 use tempfile::TempDir;
 
 use super::sfm::{Project, cameras, ostra};

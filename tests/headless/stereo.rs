@@ -4,8 +4,10 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-use ostra::frames::DepthSource;
-use ostra::session::{Command, Event, ReconstructMethod, ReconstructRequest, Session};
+use ostra_frames::DepthSource;
+use ostra_project::{ReconstructMethod, ReconstructRequest};
+use ostra_session::Event;
+use ostra_session::{Command, Session};
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ostra::engine::job::Progress;
-use ostra::masks::LabelId;
-use ostra::scene::LabelledCloud;
-use ostra::scene::ply::{read_mesh, read_ply};
-use ostra::scene::points::Neighbours;
-use ostra::scene::score::{CloudScoreOptions, score_cloud};
-use ostra::scene::synthetic::{Scene, SceneOptions, TruthOptions};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::ply::{read_mesh, read_ply};
+use ostra_cloud::points::Neighbours;
+use ostra_core::job::Progress;
+use ostra_eval::cloud_score::{CloudScoreOptions, score_cloud};
+use ostra_eval::synthetic::{Scene, SceneOptions, TruthOptions};
+use ostra_masks::LabelId;
 use tempfile::TempDir;
 
 use super::sfm::Project;

@@ -5,9 +5,9 @@ use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
-use ostra::engine::disk::is_temporary;
-use ostra::engine::job::Progress;
-use ostra::scene::ply::read_ply;
+use ostra_cloud::ply::read_ply;
+use ostra_core::disk::is_temporary;
+use ostra_core::job::Progress;
 use serde_json::{Value, json};
 
 use super::command_line::{Recording, contents, done, refused};

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 use std::time::Instant;
 
 use glam::DVec2;
-use ostra::masks::{LabelId, LabelMask, Region, squared_depth_in, trace};
-use ostra::scene::synthetic::{RenderedView, Scene, SceneOptions};
+use ostra_eval::synthetic::{RenderedView, Scene, SceneOptions};
+use ostra_masks::{LabelId, LabelMask, Region, squared_depth_in, trace};
 
 /// Steps from a pixel to all pixels that can be reached from it through the region; gaps of one pixel are no end.
 fn steps_from(region: &Region, start: usize) -> Vec<Option<u32>> {

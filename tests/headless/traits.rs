@@ -5,13 +5,14 @@ use std::path::Path;
 use std::process::Command as Process;
 
 use glam::Vec3;
-use ostra::engine::job::Progress;
-use ostra::frames::{FrameFolder, OpenRequest};
-use ostra::scene::LabelledCloud;
-use ostra::scene::instances::{InstanceOptions, find_instances};
-use ostra::scene::measure::TraitRow;
-use ostra::scene::synthetic::{Scene, SceneOptions};
-use ostra::session::{Command, ExportRequest, FuseRequest, MeasureWish, NewProject, Session};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::instances::{InstanceOptions, find_instances};
+use ostra_cloud::measure::TraitRow;
+use ostra_core::job::Progress;
+use ostra_eval::synthetic::{Scene, SceneOptions};
+use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_project::{ExportRequest, FuseRequest};
+use ostra_session::{Command, MeasureWish, NewProject, Session};
 
 use super::session::perform;
 

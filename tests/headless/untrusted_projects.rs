@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::OnceLock;
 
-use ostra::engine::job::Progress;
-use ostra::scene::LabelledCloud;
-use ostra::scene::ply::{Coloring, read_ply, save_ply};
-use ostra::session::{Command, Session};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::ply::{Coloring, read_ply, save_ply};
+use ostra_core::job::Progress;
+use ostra_session::{Command, Session};
 use tempfile::TempDir;
 
 use super::command_line::{Recording, contents, done, ostra, refused};

@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use ostra::engine::job::Progress;
-use ostra::frames::{FrameFolder, FrameStore, OpenRequest, Opened, open};
+use ostra_core::job::Progress;
+use ostra_frames::{FrameFolder, FrameStore, OpenRequest, Opened, open};
 
 use crate::support::film::{Making, has_ffmpeg, make_film};
 
@@ -224,7 +224,7 @@ fn relative_paths_and_addresses_are_refused() {
     let frame = open_video(&path).frames.remove(0);
     for address in ["http://127.0.0.1:9/secret", "Cargo.toml", "-y", "concat:a|b", "pipe:0"] {
         let mut frame = frame.clone();
-        frame.picture = ostra::frames::PictureSource::Film { path: address.into(), index: 0, time_s: 0.0 };
+        frame.picture = ostra_frames::PictureSource::Film { path: address.into(), index: 0, time_s: 0.0 };
         let error = FrameStore::new(1).image(&frame).unwrap_err().to_string();
         assert!(error.contains(address) && (error.contains("absolute") || error.contains("not there")), "{error}");
     }

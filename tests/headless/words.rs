@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ostra::masks::{LabelId, read_palette_png};
+use ostra_masks::{LabelId, read_palette_png};
 use serde_json::Value;
 use tempfile::TempDir;
 

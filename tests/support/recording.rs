@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use ostra::engine::job::Progress;
-use ostra::frames::cameras::GivenCameras;
-use ostra::frames::{DepthMap, Frame, FrameFolder, FrameStore, Image, OpenRequest, open};
-use ostra::masks::{LabelMask, read_palette_png};
-use ostra::scene::SceneError;
-use ostra::scene::fuse::Views;
+use ostra_cloud::SceneError;
+use ostra_cloud::fuse::Views;
+use ostra_core::job::Progress;
+use ostra_frames::cameras::GivenCameras;
+use ostra_frames::{DepthMap, Frame, FrameFolder, FrameStore, Image, OpenRequest, open};
+use ostra_masks::{LabelMask, read_palette_png};
 
 /// A data set opened through the library, ready to be fused.
 pub struct Recording {

@@ -3,8 +3,8 @@ use std::sync::Arc;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use crate::masks::{ElasticBorders, LabelId, Prompt, RunMask};
-use crate::session::Project;
+use ostra_masks::{ElasticBorders, LabelId, Prompt, RunMask};
+use ostra_project::Project;
 
 /// What the pointer does on the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -189,7 +189,7 @@ impl Draft {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::masks::Click;
+    use ostra_masks::Click;
 
     #[test]
     fn clicks_build_on_what_was_sent_until_the_project_has_it() {

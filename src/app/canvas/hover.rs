@@ -2,10 +2,10 @@ use egui::{Pos2, Response, Ui};
 
 use super::draft::Tool;
 use super::map::CanvasMap;
-use crate::app::rest::Rest;
-use crate::app::{Look, ViewState};
-use crate::masks::Click;
-use crate::session::PromptRequest;
+use crate::rest::Rest;
+use crate::{Look, ViewState};
+use ostra_masks::Click;
+use ostra_session::PromptRequest;
 
 /// Wishes to see what an include click would give where the pointer rests.
 pub(super) fn follow_pointer(ui: &Ui, response: &Response, map: &CanvasMap, look: &Look<'_>, view: &mut ViewState) {

@@ -4,9 +4,9 @@ use glam::DVec2;
 use super::draft::{Stroke, Tool};
 use super::map::CanvasMap;
 use super::prompts::{box_of, chosen_label, click_at, fill_polygon, hold_border, paint, pull_border, trace_thin};
-use crate::app::trail::trail;
-use crate::app::{Look, ViewState};
-use crate::session::Command;
+use crate::trail::trail;
+use crate::{Look, ViewState};
+use ostra_session::Command;
 
 /// Turns what the pointer does on the picture into commands.
 pub(super) fn canvas_input(

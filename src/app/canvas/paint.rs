@@ -2,10 +2,10 @@ use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke as Line, TextureId, Vec2}
 
 use super::draft::{Draft, HeldBorder, Stroke, Tool};
 use super::map::CanvasMap;
-use crate::app::panels::{is_explained, offered};
-use crate::app::{Look, ViewState};
-use crate::masks::{LabelId, Prompt};
-use crate::session::{FoundThing, Suggestion};
+use crate::panels::{is_explained, offered};
+use crate::{Look, ViewState};
+use ostra_masks::{LabelId, Prompt};
+use ostra_session::{FoundThing, Suggestion};
 
 const UV: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
 

@@ -4,14 +4,14 @@ use super::hover::follow_pointer;
 use super::input::canvas_input;
 use super::map::CanvasMap;
 use super::{paint, toolbar::toolbar_ui};
-use crate::app::layers::legend;
-use crate::app::textures::Textures;
-use crate::app::{Action, Look, ViewState};
-use crate::session::Command;
-use crate::view::{Layer, OverlayStyle};
+use crate::layers::legend;
+use crate::textures::Textures;
+use crate::{Action, Look, ViewState};
+use ostra_session::Command;
+use ostra_view::{Layer, OverlayStyle};
 
 /// The picture of the shown frame with its tool bar.
-pub(in crate::app) fn picture_pane_ui(
+pub(crate) fn picture_pane_ui(
     ui: &mut Ui,
     look: &Look<'_>,
     view: &mut ViewState,

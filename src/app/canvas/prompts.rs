@@ -2,20 +2,14 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use crate::app::{Look, ViewState};
-use crate::masks::{Click, ElasticBorders, LabelId, Prompt, PxBox, RunMask};
-use crate::session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequest};
+use crate::{Look, ViewState};
+use ostra_masks::{Click, ElasticBorders, LabelId, Prompt, PxBox, RunMask};
+use ostra_session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequest};
 
 use super::draft::{HeldBorder, Stroke};
 
 /// Adds a click for the chosen label.
-pub(in crate::app) fn click_at(
-    look: &Look<'_>,
-    view: &mut ViewState,
-    at_px: DVec2,
-    include: bool,
-    out: &mut Vec<Command>,
-) {
+pub(crate) fn click_at(look: &Look<'_>, view: &mut ViewState, at_px: DVec2, include: bool, out: &mut Vec<Command>) {
     add(look, view, out, |prompt| prompt.clicks.push(Click { at_px, include }));
 }
 
@@ -26,7 +20,7 @@ pub(super) fn box_of(look: &Look<'_>, view: &mut ViewState, corners: [DVec2; 2],
 }
 
 /// Takes the chosen label's prompt and pixels off the shown frame.
-pub(in crate::app) fn clear_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(crate) fn clear_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     if let Some(label) = view.label.filter(|&label| look.project.labels.get(label).is_some()) {
         send(view, label, Prompt::default(), out);
     }
@@ -126,7 +120,7 @@ pub(super) fn chosen_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<
 }
 
 /// The label at a picture position.
-pub(in crate::app) fn id_at(mask: &RunMask, at_px: DVec2) -> LabelId {
+pub(crate) fn id_at(mask: &RunMask, at_px: DVec2) -> LabelId {
     if at_px.x < 0.0 || at_px.y < 0.0 || at_px.x >= f64::from(mask.width) || at_px.y >= f64::from(mask.height) {
         return LabelId::NONE;
     }

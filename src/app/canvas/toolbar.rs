@@ -1,10 +1,10 @@
 use egui::{Checkbox, Slider, Ui};
 
 use super::draft::Tool;
-use crate::app::layers::layer_ui;
-use crate::app::menu::is_possible;
-use crate::app::tips::{action_button, together};
-use crate::app::{Action, Look, ViewState};
+use crate::layers::layer_ui;
+use crate::menu::is_possible;
+use crate::tips::{action_button, together};
+use crate::{Action, Look, ViewState};
 
 /// Tools, zoom and the look of the masks, in rows above the picture.
 pub(super) fn toolbar_ui(

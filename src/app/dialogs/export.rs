@@ -2,14 +2,15 @@ use egui::{DragValue, Ui};
 
 use super::mask_format::{mask_format_name, mask_format_ui};
 use super::picker::{Pick, PickTarget, path_field_ui};
-use crate::app::panels::{MeasureView, ground_ui, unit_ui};
-use crate::app::tips::{modal, section_heading};
-use crate::app::view_state::typed_path;
-use crate::app::{Look, ViewState};
-use crate::frames::cameras::ModelEncoding;
-use crate::masks::MaskFormat;
-use crate::scene::formats::{CloudFormat, MeshFormat, VoxelFormat};
-use crate::session::{Command, ExportRequest, ResultKind};
+use crate::panels::{MeasureView, ground_ui, unit_ui};
+use crate::tips::{modal, section_heading};
+use crate::view_state::typed_path;
+use crate::{Look, ViewState};
+use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat};
+use ostra_frames::cameras::ModelEncoding;
+use ostra_masks::MaskFormat;
+use ostra_project::{ExportRequest, ResultKind};
+use ostra_session::Command;
 
 /// The export dialog as filled in so far.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -132,7 +133,7 @@ impl ExportForm {
 }
 
 /// The export dialog: what to write, and into which folder.
-pub(in crate::app) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(crate) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let has = Available::of(look);
     let response = modal(ui, "export", 520.0, |ui| {
         ui.heading("Export");
@@ -285,9 +286,9 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState, has: &Available, out: &mut Vec<Comm
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::masks::LabelId;
-    use crate::scene::measure::{GroundChoice, LengthUnit};
-    use crate::session::MeasureWish;
+    use ostra_cloud::measure::{GroundChoice, LengthUnit};
+    use ostra_masks::LabelId;
+    use ostra_session::MeasureWish;
 
     #[test]
     fn only_what_is_there_and_ticked_is_written() {

@@ -1,14 +1,14 @@
 use egui::{Key, Ui};
 
-use crate::app::panels::listed;
-use crate::app::tips::modal;
-use crate::app::view_state::IntoWish;
-use crate::app::{Look, ViewState};
-use crate::masks::LabelId;
-use crate::session::{Command, RangeChange, RangeRequest};
+use crate::panels::listed;
+use crate::tips::modal;
+use crate::view_state::IntoWish;
+use crate::{Look, ViewState};
+use ostra_masks::LabelId;
+use ostra_session::{Command, RangeChange, RangeRequest};
 
 /// Asks for the label that gets the pixels of a merge or split; keys 1–9 choose as in the label list.
-pub(in crate::app) fn into_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wish: IntoWish, out: &mut Vec<Command>) {
+pub(crate) fn into_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wish: IntoWish, out: &mut Vec<Command>) {
     let Some(label) = look.project.labels.get(wish.label) else {
         view.dialog = None;
         return;

@@ -1,6 +1,6 @@
 use egui::{ComboBox, Ui};
 
-use crate::masks::MaskFormat;
+use ostra_masks::MaskFormat;
 
 /// Formats with what a command calls them and what people do.
 const FORMATS: [(MaskFormat, &str, &str); 4] = [

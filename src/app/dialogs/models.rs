@@ -3,11 +3,13 @@ use std::path::PathBuf;
 use egui::{Button, ComboBox, ProgressBar, ScrollArea, Ui};
 
 use super::picker::{Pick, PickTarget, path_field_ui};
-use crate::app::panels::progress_text;
-use crate::app::tips::modal;
-use crate::app::view_state::typed_path;
-use crate::app::{Look, ViewState};
-use crate::session::{Command, JobView, ModelRequest, ModelTask, Provider, Row};
+use crate::panels::progress_text;
+use crate::tips::modal;
+use crate::view_state::typed_path;
+use crate::{Look, ViewState};
+use ostra_compute::nn::{Provider, Row};
+use ostra_session::JobView;
+use ostra_session::{Command, ModelRequest, ModelTask};
 
 /// The network that files are being named for.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -17,7 +19,7 @@ pub struct ModelsForm {
 }
 
 /// All networks that are known: what they are for, whether they are there, and how to get them.
-pub(in crate::app) fn models_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(crate) fn models_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let response = modal(ui, "models", 760.0, |ui| {
         ui.horizontal(|ui| {
             ui.heading("Networks");

@@ -4,12 +4,12 @@ use egui::{DragValue, Grid, TextEdit, Ui};
 
 use super::picker::{PathPicker, Pick, PickTarget, path_field_ui};
 use super::sources::{SourceForm, sources_ui};
-use crate::app::tips::{field, modal, section_heading};
-use crate::app::view_state::typed_path;
-use crate::app::{Dialog, ViewState};
-use crate::frames::OpenRequest;
-use crate::frames::cameras::{DepthCameraSource, IntrinsicsSource};
-use crate::session::{Command, NewProject};
+use crate::tips::{field, modal, section_heading};
+use crate::view_state::typed_path;
+use crate::{Dialog, ViewState};
+use ostra_frames::OpenRequest;
+use ostra_frames::cameras::{DepthCameraSource, IntrinsicsSource};
+use ostra_session::{Command, NewProject};
 
 /// The dialog for a new project (and for more frames) as typed so far.
 #[derive(Debug, Clone, PartialEq)]
@@ -135,7 +135,7 @@ fn intrinsics(text: &str) -> Result<Option<IntrinsicsSource>, String> {
 }
 
 /// The dialog for a new project, or for more frames in the open one.
-pub(in crate::app) fn new_project_ui(ui: &Ui, view: &mut ViewState, dialog: Dialog, out: &mut Vec<Command>) {
+pub(crate) fn new_project_ui(ui: &Ui, view: &mut ViewState, dialog: Dialog, out: &mut Vec<Command>) {
     let new = dialog == Dialog::NewProject;
     let response = modal(ui, "new project", 600.0, |ui| {
         ui.heading(if new { "New project from frames" } else { "Add frames" });

@@ -1,11 +1,11 @@
 use egui::{Button, Key, ScrollArea, TextEdit, Ui};
 
-use crate::app::menu::{is_possible, text_now};
-use crate::app::tips::modal;
-use crate::app::{Action, Look, ViewState};
+use crate::menu::{is_possible, text_now};
+use crate::tips::modal;
+use crate::{Action, Look, ViewState};
 
 /// A list of all actions to type into; Enter does the first one.
-pub(in crate::app) fn palette_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn palette_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     let mut chosen = None;
     let response = modal(ui, "palette", 440.0, |ui| {
         let edit = TextEdit::singleline(&mut view.palette_text)

@@ -4,10 +4,11 @@ use egui::{Key, Ui};
 
 use super::mask_format::{mask_format_name, mask_format_ui};
 use super::picker::{Pick, PickTarget, path_field_ui};
-use crate::app::ViewState;
-use crate::app::tips::modal;
-use crate::app::view_state::{PathWish, typed_path};
-use crate::session::{Command, ExportRequest, MeasureWish};
+use crate::ViewState;
+use crate::tips::modal;
+use crate::view_state::{PathWish, typed_path};
+use ostra_project::ExportRequest;
+use ostra_session::{Command, MeasureWish};
 
 struct Texts {
     heading: &'static str,
@@ -18,7 +19,7 @@ struct Texts {
 }
 
 /// A dialog that asks for one path.
-pub(in crate::app) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut Vec<Command>) {
+pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut Vec<Command>) {
     let texts = texts(wish);
     let mut done = false;
     let response = modal(ui, "path", 480.0, |ui| {

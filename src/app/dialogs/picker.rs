@@ -6,8 +6,8 @@ use std::task::{Poll, Wake, Waker};
 
 use egui::{Context, TextEdit, Ui};
 
-use crate::app::ViewState;
-use crate::app::view_state::PathWish;
+use crate::ViewState;
+use crate::view_state::PathWish;
 
 /// The system's file chooser, asked without waiting: the window goes on, and the path is taken when it comes. Where the
 /// system has none, paths are typed.
@@ -20,7 +20,7 @@ type Answer = Pin<Box<dyn Future<Output = Option<PathBuf>>>>;
 
 /// Which field a chosen path is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::app) enum PickTarget {
+pub(crate) enum PickTarget {
     /// Frames of the n-th source.
     Frames(usize),
     /// Depths of the n-th source.
@@ -49,7 +49,7 @@ pub(in crate::app) enum PickTarget {
 
 /// What the chooser offers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::app) enum Pick {
+pub(crate) enum Pick {
     /// A folder.
     Folder,
     /// A file that exists.
@@ -95,7 +95,7 @@ impl Wake for Repaint {
 }
 
 /// Puts a chosen path where it was asked for.
-pub(in crate::app) fn take_picked(ctx: &Context, view: &mut ViewState) {
+pub(crate) fn take_picked(ctx: &Context, view: &mut ViewState) {
     let Some((target, path)) = view.picker.poll(ctx) else { return };
     let text = path.display().to_string();
     match target {
@@ -119,7 +119,7 @@ const FIELD_WIDTH: f32 = 360.0;
 const BROWSE_WIDTH: f32 = 86.0;
 
 /// A path to type, with a button for the system's chooser.
-pub(in crate::app) fn path_field_ui(
+pub(crate) fn path_field_ui(
     ui: &mut Ui,
     picker: &mut PathPicker,
     (name, hint): (&str, &str),

@@ -4,9 +4,9 @@ use egui::{DragValue, Ui};
 
 use super::export::replace_ui;
 use super::picker::{Pick, PickTarget, path_field_ui};
-use crate::app::tips::modal;
-use crate::app::view_state::typed_path;
-use crate::app::{Panes, ViewState};
+use crate::tips::modal;
+use crate::view_state::typed_path;
+use crate::{Panes, ViewState};
 
 /// The dialog for a picture of the 3-D view as filled in so far.
 #[derive(Debug, Clone, PartialEq)]
@@ -96,7 +96,7 @@ impl PictureForm {
 }
 
 /// The dialog that asks for a picture or a turntable film of the 3-D view.
-pub(in crate::app) fn picture_ui(ui: &Ui, view: &mut ViewState) {
+pub(crate) fn picture_ui(ui: &Ui, view: &mut ViewState) {
     let response = modal(ui, "picture", 480.0, |ui| {
         ui.heading("Picture of the 3-D view");
         ui.add_space(8.0);

@@ -3,11 +3,11 @@ use std::path::{Path, PathBuf};
 use egui::{Grid, Ui};
 
 use super::picker::{Pick, PickTarget, path_field_ui};
-use crate::app::ViewState;
-use crate::app::tips::{field, modal};
-use crate::app::view_state::typed_path;
-use crate::frames::{DepthSource, Frame, PictureSource};
-use crate::session::Command;
+use crate::ViewState;
+use crate::tips::{field, modal};
+use crate::view_state::typed_path;
+use ostra_frames::{DepthSource, Frame, PictureSource};
+use ostra_session::Command;
 
 /// Where frames were and where they are now.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -44,7 +44,7 @@ fn shared(a: &Path, b: &Path) -> PathBuf {
 }
 
 /// The dialog for frames whose files were moved.
-pub(in crate::app) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>) {
     let response = modal(ui, "relocate", 560.0, |ui| {
         ui.heading("Frames were moved");
         ui.add_space(8.0);

@@ -1,8 +1,8 @@
 use egui::{Button, Context, Event, Grid, Key, RichText, ScrollArea, Ui};
 
-use crate::app::shortcuts::pressed_keys;
-use crate::app::tips::modal;
-use crate::app::{Action, MenuName, ViewState};
+use crate::shortcuts::pressed_keys;
+use crate::tips::modal;
+use crate::{Action, MenuName, ViewState};
 
 /// The shortcut sheet: which action waits for new keys.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -36,7 +36,7 @@ const POINTER: [(&str, &str); 12] = [
 ];
 
 /// All shortcuts, each with a button to change it, and what the pointer does.
-pub(in crate::app) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
+pub(crate) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
     listen(ui.ctx(), view);
     let response = modal(ui, "shortcuts", 720.0, |ui| {
         ui.horizontal(|ui| {

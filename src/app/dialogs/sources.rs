@@ -1,9 +1,9 @@
 use egui::Ui;
 
 use super::picker::{PathPicker, Pick, PickTarget, path_field_ui};
-use crate::app::tips::icon_button;
-use crate::app::view_state::typed_path;
-use crate::frames::FrameFolder;
+use crate::tips::icon_button;
+use crate::view_state::typed_path;
+use ostra_frames::FrameFolder;
 
 /// One source of frames as typed.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

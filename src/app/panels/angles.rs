@@ -1,8 +1,8 @@
 use egui::{ComboBox, Ui};
 
-use crate::app::Look;
-use crate::masks::{LabelId, LabelTree};
-use crate::scene::measure::TraitRow;
+use crate::Look;
+use ostra_cloud::measure::TraitRow;
+use ostra_masks::{LabelId, LabelTree};
 
 /// Two labels, chosen one after the other, whose angle is told.
 #[derive(Debug, Clone, Copy, Default)]

@@ -4,11 +4,11 @@ use egui::{Color32, Pos2, Rect, Sense, Stroke, Ui, Vec2};
 use glam::{DVec2, Vec3};
 
 use super::asked_place::AskedPlace;
-use crate::app::{Look, Panes, ViewState};
-use crate::masks::{LabelId, LabelTree};
-use crate::scene::LabelledCloud;
-use crate::scene::fuse::{Voter, Votes};
-use crate::view::ViewCamera;
+use crate::{Look, Panes, ViewState};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::fuse::{Voter, Votes};
+use ostra_masks::{LabelId, LabelTree};
+use ostra_view::ViewCamera;
 
 const COLOR: Color32 = Color32::from_rgb(255, 235, 90);
 /// Length of an arm of the cross in the 3-D view, in points of the screen, and the gap around the point itself.

@@ -2,11 +2,11 @@ use egui::{Color32, DragValue, Mesh, Pos2, Rect, Shape, Slider, Stroke, Ui, Vec2
 use glam::Vec3;
 
 use super::scene_select::{SceneSelect, SelectShape, has_chosen};
-use crate::app::tips::action_button;
-use crate::app::{Action, Look, ViewState};
-use crate::scene::select::{SelectStep, Selection};
-use crate::session::ResultKind;
-use crate::view::ViewCamera;
+use crate::tips::action_button;
+use crate::{Action, Look, ViewState};
+use ostra_cloud::select::{SelectStep, Selection};
+use ostra_project::ResultKind;
+use ostra_view::ViewCamera;
 
 const COLOR: Color32 = Color32::from_rgb(255, 80, 205);
 /// Chosen points that are marked at most: an even sample of them.

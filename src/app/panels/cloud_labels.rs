@@ -5,10 +5,10 @@ use egui::{RichText, Ui};
 
 use super::fuse::grouped;
 use super::labels::{eye_ui, listed};
-use crate::app::tips::section_heading;
-use crate::app::{Look, ViewState};
-use crate::masks::{LabelId, LabelTree};
-use crate::scene::LabelledCloud;
+use crate::tips::section_heading;
+use crate::{Look, ViewState};
+use ostra_cloud::LabelledCloud;
+use ostra_masks::{LabelId, LabelTree};
 
 /// Points per label, counted once for each cloud.
 #[derive(Default)]
@@ -39,7 +39,7 @@ impl PointCounts {
 }
 
 /// The labels of a cloud that is inspected alone: how many points each has, shown or not.
-pub(in crate::app) fn cloud_labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+pub(crate) fn cloud_labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     section_heading(ui, "Labels");
     let Some(cloud) = look.cloud else { return };
     let counts = view.point_counts.of(cloud).clone();

@@ -2,9 +2,9 @@ use std::collections::BTreeMap;
 
 use egui::{ScrollArea, Ui};
 
-use crate::app::tips::action_button;
-use crate::app::{Action, Look, ViewState};
-use crate::scene::doubt::FrameDoubt;
+use crate::tips::action_button;
+use crate::{Action, Look, ViewState};
+use ostra_cloud::doubt::FrameDoubt;
 
 /// Frames that the list shows at a time.
 const LISTED: f32 = 8.0;
@@ -12,7 +12,7 @@ const LISTED: f32 = 8.0;
 const LEAST: f32 = 0.01;
 
 /// The frames whose masks contradict the vote of all most, and what to do about it.
-pub(in crate::app) fn doubt_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn doubt_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     let worst = ranked(look.doubts);
     if worst.is_empty() {
         ui.weak("All masks agree with the cloud.");
@@ -53,7 +53,7 @@ fn is_worth_a_look(doubt: &FrameDoubt) -> bool {
 
 impl ViewState {
     /// Whether it is to be shown where the vote contradicts the frame shown.
-    pub(in crate::app) fn shows_contradiction(&self, doubts: &BTreeMap<usize, FrameDoubt>) -> bool {
+    pub(crate) fn shows_contradiction(&self, doubts: &BTreeMap<usize, FrameDoubt>) -> bool {
         self.prefs.contradictions && self.masks_shown && doubts.get(&self.frame).is_some_and(is_worth_a_look)
     }
 }
@@ -67,7 +67,7 @@ fn ranked(doubts: &BTreeMap<usize, FrameDoubt>) -> Vec<(usize, f32)> {
 }
 
 /// The frame after this one in the list of the worst; the worst where this one agrees or is the last.
-pub(in crate::app) fn next_worst(doubts: &BTreeMap<usize, FrameDoubt>, frame: usize) -> Option<usize> {
+pub(crate) fn next_worst(doubts: &BTreeMap<usize, FrameDoubt>, frame: usize) -> Option<usize> {
     let listed: Vec<usize> = ranked(doubts).into_iter().map(|(frame, _)| frame).collect();
     let next = listed.iter().position(|&other| other == frame).map_or(0, |at| at + 1);
     listed.get(next).or(listed.first()).copied()
@@ -76,7 +76,7 @@ pub(in crate::app) fn next_worst(doubts: &BTreeMap<usize, FrameDoubt>, frame: us
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::app::Prefs;
+    use crate::Prefs;
 
     #[test]
     fn stripes_are_for_listed_frames_while_they_are_wanted() {

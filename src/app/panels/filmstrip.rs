@@ -1,8 +1,8 @@
 use egui::{Color32, Pos2, Rect, Response, Role, ScrollArea, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo};
 
-use crate::app::textures::Textures;
-use crate::app::{Look, ViewState};
-use crate::session::{FrameMask, MaskOrigin};
+use crate::textures::Textures;
+use crate::{Look, ViewState};
+use ostra_project::{FrameMask, MaskOrigin};
 
 const TILE: Vec2 = Vec2::new(108.0, 92.0);
 const GAP: f32 = 4.0;
@@ -18,7 +18,7 @@ enum FrameState {
 }
 
 /// Thumbnails of all frames with the state of their masks; only those in sight are made.
-pub(in crate::app) fn filmstrip_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Textures) {
+pub(crate) fn filmstrip_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Textures) {
     let count = look.project.frames.len();
     let pitch = TILE.x + GAP;
     let mut area = ScrollArea::horizontal().id_salt("filmstrip").auto_shrink([false, false]);

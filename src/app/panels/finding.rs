@@ -1,9 +1,9 @@
 use egui::{DragValue, TextEdit, Ui};
 
 use super::segmenter::engine_choice_ui;
-use crate::app::tips::field;
-use crate::app::{Look, ViewState};
-use crate::session::EngineKind;
+use crate::tips::field;
+use crate::{Look, ViewState};
+use ostra_session::EngineKind;
 
 /// Sides of pictures that can be chosen, in pixels.
 const SIDES: std::ops::RangeInclusive<u32> = 256..=8192;
@@ -61,7 +61,7 @@ fn side_ui(ui: &mut Ui, max_side: &mut Option<u32>) {
 }
 
 /// The pairs of frames that a text names, `0,12 3,40`; else what is wrong with it.
-pub(in crate::app) fn pairs_in(text: &str) -> Result<Vec<[usize; 2]>, String> {
+pub(crate) fn pairs_in(text: &str) -> Result<Vec<[usize; 2]>, String> {
     let pair = |word: &str| {
         let (first, second) = word.split_once(',')?;
         Some([first.parse().ok()?, second.parse().ok()?])

@@ -1,12 +1,12 @@
 use egui::{DragValue, Ui};
 
 use super::jobs::{progress_text, run_button_ui};
-use crate::app::dialogs::{Pick, PickTarget, path_field_ui};
-use crate::app::tips::field;
-use crate::app::{Action, Look, ViewState};
+use crate::dialogs::{Pick, PickTarget, path_field_ui};
+use crate::tips::field;
+use crate::{Action, Look, ViewState};
 
 /// Settings and button for the labelled cloud.
-pub(in crate::app) fn fuse_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn fuse_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     egui::Grid::new("fuse").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
         field(ui, "Voxel size", "Points closer than this become one; in world units (metres)", |ui| voxel_ui(ui, view));
         field(ui, "Least confidence", "Points whose label won a smaller share of the votes are dropped", |ui| {

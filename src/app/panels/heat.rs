@@ -2,20 +2,20 @@ use std::ops::Range;
 
 use egui::{Color32, Pos2, Rect, Role, Sense, Stroke, Ui, Vec2, WidgetInfo, lerp};
 
-use crate::app::ranges::lost_on;
-use crate::app::{Look, ViewState};
-use crate::masks::LabelId;
-use crate::session::{FrameMask, MaskOrigin};
+use crate::ranges::lost_on;
+use crate::{Look, ViewState};
+use ostra_masks::LabelId;
+use ostra_project::{FrameMask, MaskOrigin};
 
 /// Height of the strip in points.
-pub(in crate::app) const HEAT_HEIGHT: f32 = 9.0;
+pub(crate) const HEAT_HEIGHT: f32 = 9.0;
 
 /// Share of a mask that the vote of all contradicts from which a frame is as doubtful as can be.
 const WORST_SHARE: f32 = 0.2;
 
 /// All frames in one strip, from left to right: bright where the tracker doubted or the vote of all contradicts the mask,
 /// dark where both were sure. A click or drag goes to the frame.
-pub(in crate::app) fn heat_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+pub(crate) fn heat_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     let size = Vec2::new(ui.available_width(), HEAT_HEIGHT);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Confidence over frames"));

@@ -1,12 +1,12 @@
 use egui::{DragValue, RichText, Ui};
 
 use super::fuse::grouped;
-use crate::app::tips::{field, section_heading};
-use crate::app::{Look, ViewState};
-use crate::session::Command;
+use crate::tips::{field, section_heading};
+use crate::{Look, ViewState};
+use ostra_session::Command;
 
 /// Instances of a label as they would be made: shown in 3-D, changed by two numbers, then made or given up.
-pub(in crate::app) fn instances_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(crate) fn instances_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let Some(request) = &mut view.instances else { return };
     let Some(label) = look.project.labels.get(request.label) else {
         view.instances = None;

@@ -1,11 +1,11 @@
 use egui::{ProgressBar, Ui};
 
-use crate::app::tips::action_button;
-use crate::app::{Action, Look, ViewState};
-use crate::session::JobView;
+use crate::tips::action_button;
+use crate::{Action, Look, ViewState};
+use ostra_session::JobView;
 
 /// What is running, how far it is, and the button that stops it.
-pub(in crate::app) fn jobs_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn jobs_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
     for job in look.slow_jobs() {
         let detail = match (job.report.total, job.report.stage.as_str()) {
             (0, stage) => stage.to_owned(),
@@ -45,7 +45,7 @@ pub(super) fn run_button_ui(
 }
 
 /// How far a job is, in words.
-pub(in crate::app) fn progress_text(job: &JobView) -> String {
+pub(crate) fn progress_text(job: &JobView) -> String {
     let report = &job.report;
     match (report.done * 100).checked_div(report.total) {
         Some(share) => format!("{} {share} %", report.stage),

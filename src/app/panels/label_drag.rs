@@ -1,8 +1,8 @@
 use egui::{CursorIcon, Response, Ui};
 
-use crate::app::Look;
-use crate::masks::{Label, LabelId, LabelTree};
-use crate::session::Command;
+use crate::Look;
+use ostra_masks::{Label, LabelId, LabelTree};
+use ostra_session::Command;
 
 /// A label's row can be dragged onto another one, whose part it becomes; never onto itself or what is below it.
 pub(super) fn drag_ui(ui: &Ui, look: &Look<'_>, out: &mut Vec<Command>, row: &Response, label: &Label) {

@@ -1,10 +1,10 @@
 use egui::{Key, TextEdit, Ui};
 
 use super::labels::listed;
-use crate::app::{Look, ViewState};
-use crate::masks::{Label, LabelId, LabelTree};
-use crate::scene::instances::InstanceOptions;
-use crate::session::{Command, InstancesRequest};
+use crate::{Look, ViewState};
+use ostra_cloud::instances::InstanceOptions;
+use ostra_masks::{Label, LabelId, LabelTree};
+use ostra_session::{Command, InstancesRequest};
 
 /// What is being typed in the label list.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -3,13 +3,13 @@ use egui::{Color32, Response, RichText, Role, Sense, Ui, WidgetInfo};
 use super::fuse::grouped;
 use super::label_drag::{drag_ui, top_level_ui};
 use super::label_edit::{label_menu_ui, new_label_ui, rename_ui};
-use crate::app::tips::{icon_button, section_heading};
-use crate::app::{Look, ViewState};
-use crate::masks::{Label, LabelId, LabelTree};
-use crate::session::Command;
+use crate::tips::{icon_button, section_heading};
+use crate::{Look, ViewState};
+use ostra_masks::{Label, LabelId, LabelTree};
+use ostra_session::Command;
 
 /// The tree of labels: choose, show and hide, rename, recolour, move, add and remove.
-pub(in crate::app) fn labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(crate) fn labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     ui.horizontal(|ui| {
         section_heading(ui, "Labels");
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| show_all_ui(ui, look, view));
@@ -30,14 +30,14 @@ pub(in crate::app) fn labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewSta
 }
 
 /// All labels with their depth (0 = top), each followed by those below it: the order of the list and of the keys 1–9.
-pub(in crate::app) fn listed(tree: &LabelTree) -> Vec<(Label, usize)> {
+pub(crate) fn listed(tree: &LabelTree) -> Vec<(Label, usize)> {
     let mut rows = Vec::new();
     push_children(tree, None, 0, &mut rows);
     rows
 }
 
 /// Makes a label with a free name, chosen at once and ready to be renamed.
-pub(in crate::app) fn add_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(crate) fn add_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let tree = &look.project.labels;
     let id = tree.next_id();
     let name = (id.0..).map(|n| format!("object {n}")).find(|name| tree.by_name(name).is_none());

@@ -2,10 +2,10 @@ use egui::{Color32, Pos2, Rect, Sense, Stroke, Ui, Vec2};
 use glam::DVec2;
 
 use super::outcomes::outcomes_ui;
-use crate::app::textures::Textures;
-use crate::app::{Look, ViewState};
-use crate::scene::rgbd::{FrameLink, LinkKind};
-use crate::session::SparseModel;
+use crate::textures::Textures;
+use crate::{Look, ViewState};
+use ostra_reconstruct::rgbd::{FrameLink, LinkKind};
+use ostra_session::SparseModel;
 
 /// What the window of cameras and matches shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -23,7 +23,7 @@ const BAD_PX: f64 = 2.0;
 const UV: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
 
 /// A window with what became of every frame, and lines between what two frames share.
-pub(in crate::app) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Textures) {
+pub(crate) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Textures) {
     let mut open = view.matches.open;
     let window = egui::Window::new("Cameras and matches").open(&mut open).default_size([980.0, 560.0]);
     let middle = ui.ctx().content_rect().center() - Vec2::new(490.0, 290.0);

@@ -9,12 +9,12 @@ use super::labels::listed;
 use super::measure_columns::{COLUMNS, Column};
 use super::ruler::Ruler;
 use super::scene_bar::labels_of;
-use crate::app::view_state::PathWish;
-use crate::app::{Dialog, Look, ViewState};
-use crate::masks::{Label, LabelId, LabelTree};
-use crate::scene::measure::{GroundChoice, LengthUnit, TraitRow};
-use crate::session::MeasureWish;
-use crate::view::Axes;
+use crate::view_state::PathWish;
+use crate::{Dialog, Look, ViewState};
+use ostra_cloud::measure::{GroundChoice, LengthUnit, TraitRow};
+use ostra_masks::{Label, LabelId, LabelTree};
+use ostra_session::MeasureWish;
+use ostra_view::Axes;
 
 /// What the window of measures shows.
 #[derive(Debug, Clone, Default)]
@@ -87,7 +87,7 @@ impl Table {
 }
 
 /// A window with what was measured of each label.
-pub(in crate::app) fn measures_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState) {
+pub(crate) fn measures_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState) {
     let mut open = view.measures.open;
     let window = egui::Window::new("Measures").open(&mut open).default_size([900.0, 360.0]).resizable(true);
     window.default_pos(ui.ctx().content_rect().left_top() + egui::vec2(250.0, 60.0)).show(ui.ctx(), |ui| {
@@ -144,7 +144,7 @@ fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
 }
 
 /// The plane above which heights are measured.
-pub(in crate::app) fn ground_ui(ui: &mut Ui, look: &Look<'_>, ruler: &Ruler, ground: &mut GroundChoice) {
+pub(crate) fn ground_ui(ui: &mut Ui, look: &Look<'_>, ruler: &Ruler, ground: &mut GroundChoice) {
     let tree = labels_of(look);
     let name = |id| tree.get(id).map_or("fitted", |label| label.name.as_str());
     let text = match *ground {
@@ -196,7 +196,7 @@ fn plane_ui(ui: &mut Ui, normal: &mut [f64; 3], offset: &mut f64) {
 }
 
 /// The unit that lengths are shown in; `None` = the scene's own. Metric units are offered where the scale is known.
-pub(in crate::app) fn unit_ui(ui: &mut Ui, name: &str, chosen: &mut Option<LengthUnit>, look: &Look<'_>) {
+pub(crate) fn unit_ui(ui: &mut Ui, name: &str, chosen: &mut Option<LengthUnit>, look: &Look<'_>) {
     let of_scene = look.unit;
     let mut unit = chosen.unwrap_or(of_scene);
     let metric = if look.may_be_metric() { &LengthUnit::METRIC[..] } else { &[] };

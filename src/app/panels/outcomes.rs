@@ -1,8 +1,8 @@
 use egui::{Button, Color32, ScrollArea, Ui};
 
-use crate::app::{Look, ViewState};
-use crate::scene::sfm::Outcome;
-use crate::session::SparseModel;
+use crate::{Look, ViewState};
+use ostra_reconstruct::sfm::Outcome;
+use ostra_session::SparseModel;
 
 /// Median error in pixels above which a frame wants to be looked at.
 const DOUBTFUL_PX: f64 = 1.0;

@@ -2,9 +2,9 @@ use egui::{DragValue, Ui};
 
 use super::finding::finding_ui;
 use super::jobs::{progress_text, run_button_ui};
-use crate::app::tips::{action_button, field};
-use crate::app::{Action, Look, ViewState};
-use crate::session::ReconstructMethod;
+use crate::tips::{action_button, field};
+use crate::{Action, Look, ViewState};
+use ostra_project::ReconstructMethod;
 
 const METHODS: [(ReconstructMethod, &str, &str); 4] = [
     (ReconstructMethod::Auto, "Automatic", "What the frames allow: given poses and depths are kept"),
@@ -19,7 +19,7 @@ const DEVICES: [(&str, &str, &str); 3] = [
 ];
 
 /// Settings and button for cameras and depths.
-pub(in crate::app) fn reconstruct_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn reconstruct_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     egui::Grid::new("reconstruct").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
         field(ui, "Method", "How cameras and depths are made", |ui| method_ui(ui, &mut view.reconstruct.method));
         field(ui, "Every x-th frame", "1 = all frames take part", |ui| {

@@ -1,10 +1,10 @@
 use egui::{RichText, Ui};
 
-use crate::app::Look;
-use crate::session::ResultKind;
+use crate::Look;
+use ostra_project::ResultKind;
 
 /// What the project holds, how it was made, and whether it still fits.
-pub(in crate::app) fn results_ui(ui: &mut Ui, look: &Look<'_>) {
+pub(crate) fn results_ui(ui: &mut Ui, look: &Look<'_>) {
     if look.project.results.is_empty() {
         ui.weak("Nothing made yet");
     }

@@ -2,11 +2,12 @@ use egui::{ComboBox, DragValue, Key, Ui};
 use glam::Vec3;
 
 use super::measures::unit_ui;
-use crate::app::tips::action_button;
-use crate::app::{Action, Look, ViewState};
-use crate::scene::measure::{Dimension, GroundChoice, LengthUnit};
-use crate::session::{Command, ScaleEnd, ScaleRequest};
-use crate::view::Line;
+use crate::tips::action_button;
+use crate::{Action, Look, ViewState};
+use ostra_cloud::measure::{Dimension, GroundChoice, LengthUnit};
+use ostra_project::{ScaleEnd, ScaleRequest};
+use ostra_session::Command;
+use ostra_view::Line;
 
 const COLOR: [u8; 4] = [255, 90, 90, 255];
 

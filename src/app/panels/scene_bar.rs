@@ -2,10 +2,10 @@ use egui::{ComboBox, Slider, Ui};
 
 use super::ruler::ruler_ui;
 use super::scene_display::{clip_ui, display_ui};
-use crate::app::tips::{action_button, together};
-use crate::app::{Action, Look, Shown, ViewState};
-use crate::masks::LabelTree;
-use crate::view::Coloring;
+use crate::tips::{action_button, together};
+use crate::{Action, Look, Shown, ViewState};
+use ostra_masks::LabelTree;
+use ostra_view::Coloring;
 
 const COLORINGS: [(Coloring, &str, &str); 7] = [
     (Coloring::Rgb, "Colour", "Points in the colour of the pictures"),

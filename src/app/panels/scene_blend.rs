@@ -1,10 +1,10 @@
 use egui::{Color32, Mesh, Rect, Ui};
 use glam::{DVec2, DVec3};
 
-use crate::app::textures::Textures;
-use crate::app::{Look, ViewState};
-use crate::frames::Frame;
-use crate::view::ViewCamera;
+use crate::textures::Textures;
+use crate::{Look, ViewState};
+use ostra_frames::Frame;
+use ostra_view::ViewCamera;
 
 /// Cells along each side of the picture: a bent lens shows as it is.
 const CELLS: usize = 24;

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use egui::{Color32, Pos2, Rect, TextureId, Ui};
 
-use crate::view::{Model, Scene3d, SceneView};
+use ostra_view::{Model, Scene3d, SceneView};
 
 /// The scene drawn on the window's GPU, shown as a texture.
 pub(super) struct SceneCanvas {

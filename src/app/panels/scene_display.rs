@@ -1,10 +1,10 @@
 use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{ComboBox, DragValue, PopupCloseBehavior, Slider, Ui};
 
-use crate::app::scene_look::{ClipSides, Slice};
-use crate::app::tips::action_button;
-use crate::app::{Action, ViewState};
-use crate::view::Side;
+use crate::scene_look::{ClipSides, Slice};
+use crate::tips::action_button;
+use crate::{Action, ViewState};
+use ostra_view::Side;
 
 /// Names of the axes' two sides.
 const SIDES: [[&str; 2]; 3] = [["Left", "Right"], ["Bottom", "Top"], ["Front", "Back"]];

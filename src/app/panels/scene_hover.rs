@@ -6,11 +6,11 @@ use glam::Vec2;
 
 use super::asked::label_ui;
 use super::scene_bar::labels_of;
-use crate::app::rest::Rest;
-use crate::app::{Look, ViewState};
-use crate::masks::LabelId;
-use crate::scene::LabelledCloud;
-use crate::view::{Appearance, Clip, Picking, ViewCamera};
+use crate::rest::Rest;
+use crate::{Look, ViewState};
+use ostra_cloud::LabelledCloud;
+use ostra_masks::LabelId;
+use ostra_view::{Appearance, Clip, Picking, ViewCamera};
 
 /// How far a point may lie from the pointer, in points of the screen.
 const NEAR: f32 = 6.0;

@@ -2,9 +2,9 @@ use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Stroke, Ui, Vec2}
 use glam::Vec3;
 
 use super::scene_bar::coloring_text;
-use crate::app::ViewState;
-use crate::scene::measure::{Dimension, LengthUnit};
-use crate::view::{Coloring, ViewCamera, ramp};
+use crate::ViewState;
+use ostra_cloud::measure::{Dimension, LengthUnit};
+use ostra_view::{Coloring, ViewCamera, ramp};
 
 /// Longest scale bar in screen points.
 const BAR: f32 = 140.0;

@@ -13,12 +13,12 @@ use super::scene_hover::SceneHover;
 use super::scene_marks::marks;
 use super::scene_picks::{Purpose, ScenePicks};
 use super::scene_select::choose_by_hand;
-use crate::app::textures::Textures;
-use crate::app::view_state::SceneWish;
-use crate::app::{Action, Look, Shown, ViewState};
-use crate::frames::Frame;
-use crate::scene::LabelledCloud;
-use crate::view::{
+use crate::textures::Textures;
+use crate::view_state::SceneWish;
+use crate::{Action, Look, Shown, ViewState};
+use ostra_cloud::LabelledCloud;
+use ostra_frames::Frame;
+use ostra_view::{
     Appearance, Axes, Bounds, Clip, Model, Orbit, PicturePlane, Portrait, Scene3d, SceneStyle, ViewCamera,
     default_view, frustum_lines, link_lines, pick_frustum,
 };
@@ -104,7 +104,7 @@ impl ScenePane {
     }
 
     /// The tool bar and the view.
-    pub(in crate::app) fn ui(
+    pub(crate) fn ui(
         &mut self,
         ui: &mut Ui,
         look: &Look<'_>,

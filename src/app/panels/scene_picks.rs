@@ -4,8 +4,8 @@ use std::sync::Arc;
 use egui::{Pos2, Ui};
 use glam::{Vec2, Vec3};
 
-use crate::scene::LabelledCloud;
-use crate::view::{Appearance, Clip, Picking, ViewCamera};
+use ostra_cloud::LabelledCloud;
+use ostra_view::{Appearance, Clip, Picking, ViewCamera};
 
 /// What a point is looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]

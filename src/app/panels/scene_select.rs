@@ -1,12 +1,12 @@
 use egui::{PointerButton, Pos2, Rect, Response, Ui};
 use glam::DVec2;
 
-use crate::app::trail::trail;
-use crate::app::{Look, ViewState};
-use crate::masks::LabelId;
-use crate::scene::select::{Likeness, SeenRegion, SelectStep};
-use crate::session::{CloudChange, CloudCorrection, Command};
-use crate::view::{Clip, ViewCamera};
+use crate::trail::trail;
+use crate::{Look, ViewState};
+use ostra_cloud::select::{Likeness, SeenRegion, SelectStep};
+use ostra_masks::LabelId;
+use ostra_session::{CloudChange, CloudCorrection, Command};
+use ostra_view::{Clip, ViewCamera};
 
 /// What the pointer draws to choose points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -146,7 +146,7 @@ fn region(view: &ViewState, rect: Rect, scale: f32, (camera, clip): (&ViewCamera
 }
 
 /// Whether points are chosen, so that they can be corrected.
-pub(in crate::app) fn has_chosen(look: &Look<'_>, view: &ViewState) -> bool {
+pub(crate) fn has_chosen(look: &Look<'_>, view: &ViewState) -> bool {
     let any = look.chosen.is_some_and(|chosen| chosen.is_ok_and(|chosen| !chosen.points.is_empty()));
     any && !view.scene_select.steps.is_empty()
 }

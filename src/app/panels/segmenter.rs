@@ -1,11 +1,11 @@
 use egui::Ui;
 
-use crate::app::tips::field;
-use crate::app::{Look, ViewState};
-use crate::session::{Engine, EngineKind};
+use crate::tips::field;
+use crate::{Look, ViewState};
+use ostra_session::{Engine, EngineKind};
 
 /// Chooses what turns clicks into masks, and says what is installed.
-pub(in crate::app) fn segmenter_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+pub(crate) fn segmenter_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     egui::Grid::new("segmenter").num_columns(2).show(ui, |ui| {
         field(ui, "Segmenter", "Turns clicks and boxes into masks", |ui| {
             engine_choice_ui(ui, "segmenter", look.engines_of(EngineKind::Segmenter), &mut view.segmenter);

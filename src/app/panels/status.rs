@@ -2,13 +2,13 @@ use egui::{RichText, Ui};
 
 use super::fuse::grouped;
 use super::jobs::progress_text;
-use crate::app::canvas::id_at;
-use crate::app::tips::action_button;
-use crate::app::{Action, Look, ViewState};
-use crate::masks::LabelId;
+use crate::canvas::id_at;
+use crate::tips::action_button;
+use crate::{Action, Look, ViewState};
+use ostra_masks::LabelId;
 
 /// One line at the bottom: what is open, what is under the pointer, what is running.
-pub(in crate::app) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         if let Some(frame) = look.project.frames.get(view.frame) {
             ui.label(format!("Frame {} of {}", view.frame, look.project.frames.len().saturating_sub(1)));

@@ -1,15 +1,15 @@
 use egui::Ui;
 
 use super::labels::add_label;
-use crate::app::canvas::id_at;
-use crate::app::menu::is_possible;
-use crate::app::tips::action_button;
-use crate::app::{Action, Look, ViewState};
-use crate::masks::LabelId;
-use crate::session::{Command, Suggestion};
+use crate::canvas::id_at;
+use crate::menu::is_possible;
+use crate::tips::action_button;
+use crate::{Action, Look, ViewState};
+use ostra_masks::LabelId;
+use ostra_session::{Command, Suggestion};
 
 /// Things that no label explains: look at them, or make labels of them.
-pub(in crate::app) fn suggestions_ui(
+pub(crate) fn suggestions_ui(
     ui: &mut Ui,
     look: &Look<'_>,
     view: &mut ViewState,
@@ -48,7 +48,7 @@ pub(in crate::app) fn suggestions_ui(
 }
 
 /// Whether a label was given there meanwhile.
-pub(in crate::app) fn is_explained(look: &Look<'_>, suggestion: &Suggestion) -> bool {
+pub(crate) fn is_explained(look: &Look<'_>, suggestion: &Suggestion) -> bool {
     let mask = look.project.masks.get(&suggestion.frame);
     mask.is_some_and(|mask| id_at(&mask.runs, suggestion.at_px) != LabelId::NONE)
 }

@@ -4,11 +4,11 @@ use egui::{Color32, Pos2, Rect, Response, Role, ScrollArea, Sense, Stroke, Ui, V
 
 use super::heat::{Columns, heat, mark};
 use super::labels::listed;
-use crate::app::menu::is_possible;
-use crate::app::tips::action_button;
-use crate::app::{Action, Look, ViewState};
-use crate::masks::{Label, LabelId};
-use crate::session::MaskOrigin;
+use crate::menu::is_possible;
+use crate::tips::action_button;
+use crate::{Action, Look, ViewState};
+use ostra_masks::{Label, LabelId};
+use ostra_project::MaskOrigin;
 
 const ROW: f32 = 18.0;
 const NAMES: f32 = 120.0;
@@ -31,7 +31,7 @@ const BUTTONS: [(Action, &str); 10] = [
 
 /// The grid of labels and frames: what is where, how sure, what was said of it. A click goes there, a drag chooses a
 /// range, a right click or the buttons change the label over it.
-pub(in crate::app) fn timeline_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn timeline_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     ui.horizontal_wrapped(|ui| {
         range_ui(ui, look, view, wishes);
         for (action, text) in BUTTONS {
@@ -139,7 +139,7 @@ fn cells_of(ui: &Ui, look: &Look<'_>, view: &ViewState, label: &Label, columns: 
     });
     let doubt = |frame: usize| look.project.masks.get(&frame)?.confidence.get(&label.id).copied();
     strip(columns, 0.72, 1.0).paint(ui, |frames| frames.filter_map(doubt).reduce(f32::min).map(heat));
-    let said = |set: &crate::frames::FrameSet, frames: Range<usize>, color| {
+    let said = |set: &ostra_frames::FrameSet, frames: Range<usize>, color| {
         frames.clone().any(|frame| set.contains(frame)).then_some(color)
     };
     let text = ui.visuals().text_color();

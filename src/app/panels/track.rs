@@ -2,15 +2,16 @@ use egui::{Checkbox, DragValue, Ui};
 
 use super::jobs::{progress_text, run_button_ui};
 use super::segmenter::engine_choice_ui;
-use crate::app::menu::is_possible;
-use crate::app::tips::{action_button, field};
-use crate::app::{Action, Look, ViewState};
-use crate::frames::Frame;
-use crate::masks::Direction;
-use crate::session::{EngineKind, MaskOrigin};
+use crate::menu::is_possible;
+use crate::tips::{action_button, field};
+use crate::{Action, Look, ViewState};
+use ostra_frames::Frame;
+use ostra_masks::Direction;
+use ostra_project::MaskOrigin;
+use ostra_session::EngineKind;
 
 /// Settings and button for carrying masks through the sequence.
-pub(in crate::app) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     egui::Grid::new("track").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
         field(ui, "Tracker", "Carries masks from anchors to the other frames", |ui| {
             engine_choice_ui(ui, "tracker", look.engines_of(EngineKind::Tracker), &mut view.track.tracker);

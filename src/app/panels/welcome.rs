@@ -1,7 +1,7 @@
 use egui::{Button, RichText, Ui};
 
-use crate::app::{Action, Look, ViewState};
-use crate::session::Command;
+use crate::{Action, Look, ViewState};
+use ostra_session::Command;
 
 const STEPS: [(&str, &str); 4] = [
     ("Open", "photos, a film or an RGB-D recording"),
@@ -11,7 +11,7 @@ const STEPS: [(&str, &str); 4] = [
 ];
 
 /// What to do first, and the projects opened before.
-pub(in crate::app) fn welcome_ui(
+pub(crate) fn welcome_ui(
     ui: &mut Ui,
     look: &Look<'_>,
     view: &ViewState,

@@ -1,7 +1,7 @@
 use egui::{Key, Slider, TextEdit, Ui};
 
-use crate::app::{Look, ViewState};
-use crate::session::{Command, EngineKind, FoundThing, GroundRequest, TakeRequest};
+use crate::{Look, ViewState};
+use ostra_session::{Command, EngineKind, FoundThing, GroundRequest, TakeRequest};
 
 /// Least score that is looked for: the slider leaves more out without looking again.
 const LOOKED_FOR: f32 = 0.1;
@@ -31,7 +31,7 @@ impl Words {
 }
 
 /// The things found by words on the shown frame that are sure enough, with their numbers from 1.
-pub(in crate::app) fn offered<'a>(
+pub(crate) fn offered<'a>(
     look: &Look<'a>,
     view: &ViewState,
 ) -> impl Iterator<Item = (usize, &'a FoundThing)> + use<'a> {
@@ -42,7 +42,7 @@ pub(in crate::app) fn offered<'a>(
 }
 
 /// Words to look for, and what they found: taken one by one or all at once.
-pub(in crate::app) fn words_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(crate) fn words_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let installed = look.engines_of(EngineKind::Grounder).any(|engine| engine.installed);
     let needs = look.engines_of(EngineKind::Grounder).next().map_or("", |engine| engine.needs);
     let ready = installed && look.has_frames() && look.running("Look for words").is_none();

@@ -1,6 +1,6 @@
 use super::GivenIntrinsics;
-use crate::frames::{Frame, FrameCamera, FrameError, Orientation, PictureSource};
-use crate::geometry::{Camera, GeometryError, Pose, Turn};
+use crate::{Frame, FrameCamera, FrameError, Orientation, PictureSource};
+use ostra_geometry::{Camera, GeometryError, Pose, Turn};
 
 /// The turn from the stored picture to the shown one.
 ///

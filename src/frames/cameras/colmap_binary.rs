@@ -8,8 +8,8 @@ use glam::DVec3;
 use super::colmap_model::{intrinsics, model_name, parameter_count};
 use super::lines::{invalid, pose_from_quaternion};
 use super::{CameraKey, GivenCamera, GivenIntrinsics};
-use crate::engine::disk;
-use crate::frames::FrameError;
+use crate::FrameError;
+use ostra_core::disk;
 
 /// The longest name of an image.
 const MAX_NAME_BYTES: u64 = 1 << 16;

@@ -6,7 +6,7 @@ use glam::DVec2;
 use super::attach::{stored_size, turn_of};
 use super::lines::{Line, TextFile};
 use super::{SparseKeypoint, SparsePoints, read_sparse_points};
-use crate::frames::{Frame, FrameError};
+use crate::{Frame, FrameError};
 
 /// Reads back the points and keypoints of a text model that [`super::write_colmap_model`] wrote for these frames: points
 /// are numbered from 1 in order, images bear the frames' names.

@@ -1,7 +1,7 @@
 use glam::DVec2;
 
 use super::{Focal, GivenIntrinsics};
-use crate::geometry::{Camera, Distortion};
+use ostra_geometry::{Camera, Distortion};
 
 /// The camera models of COLMAP 4.2 by number, as its binary files name them, each with its number of parameters. Those
 /// that are not supported are here so that binary files with them can be read past.

@@ -1,7 +1,7 @@
 use super::attach::{stored_camera, turn_of};
 use super::{SparseKeypoint, SparsePoint, SparsePoints};
-use crate::frames::Frame;
-use crate::geometry::{Camera, GeometryError, Pose, Turn};
+use crate::Frame;
+use ostra_geometry::{Camera, GeometryError, Pose, Turn};
 
 /// What is written of a frame: its camera as COLMAP knows it, for the picture as stored.
 pub struct ImageOut<'a> {

@@ -6,7 +6,7 @@ use super::SparsePoint;
 use super::colmap_binary::Cursor;
 use super::detect::colmap_folder;
 use super::lines::{Line, TextFile, invalid};
-use crate::frames::FrameError;
+use crate::FrameError;
 
 /// The points of the COLMAP model in `path` (its folder, or one with `sparse/` or `sparse/0`), in the file's order;
 /// empty where the model has no file of points.

@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::colmap_model::intrinsics;
 use super::lines::{Line, TextFile, pose_from_quaternion};
 use super::{CameraKey, GivenCamera, GivenIntrinsics};
-use crate::frames::FrameError;
+use crate::FrameError;
 
 /// Reads `cameras.txt` and `images.txt` of a COLMAP text model.
 pub fn read(folder: &Path) -> Result<Vec<GivenCamera>, FrameError> {

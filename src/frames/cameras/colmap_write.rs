@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::colmap_model::{model_and_parameters, model_number};
 use super::colmap_model_out::{ImageOut, ModelOut};
 use super::{SparsePoint, SparsePoints};
-use crate::engine::disk;
-use crate::frames::{Frame, FrameError};
-use crate::geometry::Camera;
+use crate::{Frame, FrameError};
+use ostra_core::disk;
+use ostra_geometry::Camera;
 
 /// In which of its two encodings a COLMAP model is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

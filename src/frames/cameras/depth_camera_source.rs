@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::lines::invalid;
 use super::{GivenIntrinsics, IntrinsicsSource, pose_files};
-use crate::frames::{DepthCamera, FrameError};
-use crate::geometry::{Pose, Turn};
+use crate::{DepthCamera, FrameError};
+use ostra_geometry::{Pose, Turn};
 
 /// The camera that measured the depths of a recording, where it is known and not the pictures'.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use super::lines::{TextFile, invalid};
 use super::{GivenCameras, colmap_binary, colmap_text, dtu, middlebury, pose_files, trajectory_log, transforms, tum};
-use crate::frames::FrameError;
+use crate::FrameError;
 
 /// How many files of a folder are read to find out whether they hold poses: the first ones may be damaged.
 const MAX_TRIED: usize = 8;

@@ -4,8 +4,8 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::lines::TextFile;
 use super::{CameraKey, GivenCamera, GivenIntrinsics};
-use crate::frames::FrameError;
-use crate::geometry::Pose;
+use crate::FrameError;
+use ostra_geometry::Pose;
 
 /// Skew over focal length up to which a camera counts as having none.
 pub const LARGEST_SKEW: f64 = 2e-3;

@@ -2,8 +2,8 @@ use std::path::PathBuf;
 
 use glam::DVec2;
 
-use crate::frames::FrameError;
-use crate::geometry::{Camera, Distortion, Pose};
+use crate::FrameError;
+use ostra_geometry::{Camera, Distortion, Pose};
 
 /// What a given camera says about the frame it belongs to.
 #[derive(Debug, Clone, PartialEq)]

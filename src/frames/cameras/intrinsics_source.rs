@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::GivenIntrinsics;
 use super::lines::{TextFile, invalid};
-use crate::frames::FrameError;
+use crate::FrameError;
 
 /// Intrinsics for all frames of a recording: numbers, or a file as recorders write it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -3,9 +3,9 @@ use std::str::FromStr;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::engine::disk;
-use crate::frames::FrameError;
-use crate::geometry::{GeometryError, Pose};
+use crate::FrameError;
+use ostra_core::disk;
+use ostra_geometry::{GeometryError, Pose};
 
 /// A text file of numbers, read line by line; errors name the file and the line.
 #[derive(Debug, Clone)]

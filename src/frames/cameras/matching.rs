@@ -3,8 +3,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::attach::shown_camera;
 use super::lines::invalid;
 use super::{CameraKey, GivenCameras};
-use crate::frames::named::first_of;
-use crate::frames::{Frame, FrameError, PictureSource};
+use crate::named::first_of;
+use crate::{Frame, FrameError, PictureSource};
 
 /// Seconds by which a camera's time may differ from its frame's, as in the TUM benchmark's own tools.
 const NEAR_S: f64 = 0.02;

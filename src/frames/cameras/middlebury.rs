@@ -2,8 +2,8 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::lines::{Line, TextFile};
 use super::{CameraKey, GivenCamera, GivenIntrinsics};
-use crate::frames::FrameError;
-use crate::geometry::Pose;
+use crate::FrameError;
+use ostra_geometry::Pose;
 
 /// `*_par.txt` of the Middlebury multi-view sets: a count, then `name k11 … k33 r11 … r33 t1 t2 t3` a line with
 /// `P = K [R t]`, pixel centres at whole numbers.

@@ -1,8 +1,7 @@
 //! Given cameras: one file per format, matched to frames by name, number or time.
 //!
-//! May use: geometry, the frames' nouns. Must not touch: pixels, labels, GPU.
-//!
-//! Cameras refer to pictures as stored; they are turned with the picture when attached to a frame, and back when written.
+//! Cameras refer to pictures as stored; they are turned with the picture when attached to a frame, and back when
+//! written.
 
 mod attach;
 mod colmap_binary;

@@ -2,8 +2,8 @@ use std::path::{Path, PathBuf};
 
 use super::lines::{TextFile, invalid, pose_from_rows};
 use super::{CameraKey, GivenCamera};
-use crate::frames::FrameError;
-use crate::geometry::Pose;
+use crate::FrameError;
+use ostra_geometry::Pose;
 
 /// One 4×4 matrix a file, camera-to-world, as in 7-Scenes (`frame-000123.pose.txt`) and ScanNet (`pose/123.txt`): the
 /// file's name is the picture's. ScanNet writes infinities for frames that were lost, others write NaN or zeros. A file

@@ -9,8 +9,8 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
-use crate::frames::{Frame, Orientation, PictureSource};
-use crate::geometry::Pose;
+use crate::{Frame, Orientation, PictureSource};
+use ostra_geometry::Pose;
 
 /// Frames of 640×480 as shown, whose files are never opened.
 fn frames(names: &[&str]) -> Vec<Frame> {

@@ -1,6 +1,6 @@
 use super::lines::{TextFile, pose_from_rows};
 use super::{CameraKey, GivenCamera};
-use crate::frames::FrameError;
+use crate::FrameError;
 
 /// A `.log` trajectory of Open3D, Redwood and Tanks and Temples: a line of three numbers, the first of them the frame's
 /// number, then four lines of a 4×4 matrix, camera-to-world.

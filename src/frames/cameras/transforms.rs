@@ -6,8 +6,8 @@ use serde_json::Value;
 
 use super::lines::{TextFile, invalid, pose_from_rows, usual_spelling};
 use super::{CameraKey, Focal, GivenCamera, GivenIntrinsics};
-use crate::frames::FrameError;
-use crate::geometry::{Distortion, GeometryError, Pose};
+use crate::FrameError;
+use ostra_geometry::{Distortion, GeometryError, Pose};
 
 /// `transforms.json` of nerfstudio and instant-ngp: camera-to-world with OpenGL axes (y up, looking along −z).
 #[derive(Debug, Deserialize)]

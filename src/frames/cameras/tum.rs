@@ -2,7 +2,7 @@ use glam::DVec3;
 
 use super::lines::{TextFile, pose_from_quaternion};
 use super::{CameraKey, GivenCamera};
-use crate::frames::FrameError;
+use crate::FrameError;
 
 /// A trajectory of the TUM RGB-D benchmark: `timestamp tx ty tz qx qy qz qw` a line, camera-to-world.
 pub fn read(file: &TextFile) -> Result<Vec<GivenCamera>, FrameError> {

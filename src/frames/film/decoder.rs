@@ -6,9 +6,9 @@ use std::thread::{Builder, JoinHandle};
 
 use super::log::{FrameInfo, read_log};
 use super::programs::{Programs, command, input, not_started};
-use crate::engine::programs::ChildProcess;
-use crate::frames::header::MAX_PIXELS;
-use crate::frames::{FrameError, Image};
+use crate::header::MAX_PIXELS;
+use crate::{FrameError, Image};
+use ostra_core::programs::ChildProcess;
 
 /// How to decode a video.
 #[derive(Debug, Clone, Copy)]

@@ -4,10 +4,10 @@ use std::path::Path;
 use std::process::Stdio;
 
 use super::programs::{Programs, command};
-use crate::engine::disk::{Unfinished, WorkFolder};
-use crate::engine::job::Progress;
-use crate::engine::programs::ChildProcess;
-use crate::frames::{FrameError, Image};
+use crate::{FrameError, Image};
+use ostra_core::disk::{Unfinished, WorkFolder};
+use ostra_core::job::Progress;
+use ostra_core::programs::ChildProcess;
 
 /// What a film is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]

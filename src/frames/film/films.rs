@@ -5,8 +5,8 @@ use std::sync::{Arc, Condvar, LazyLock, Mutex, MutexGuard, PoisonError};
 use super::probe::Stream;
 use super::programs::{Programs, input};
 use super::search::{Damage, Knowledge, Running, Target, read_frame};
-use crate::engine::job::Progress;
-use crate::frames::{FrameError, Image};
+use crate::{FrameError, Image};
+use ostra_core::job::Progress;
 
 /// How many ffmpeg processes run at once: one for each thread that goes through a part of a film, within these bounds.
 const DECODERS: std::ops::RangeInclusive<usize> = 4..=16;
@@ -25,7 +25,7 @@ static MAX_DECODERS: LazyLock<usize> = LazyLock::new(|| {
 
 /// The films being read: a few running decoders, each of which goes on from where it is.
 #[derive(Debug, Default)]
-pub(in crate::frames) struct Films {
+pub(crate) struct Films {
     programs: Programs,
     state: Mutex<State>,
     changed: Condvar,

@@ -1,7 +1,5 @@
 //! Films through the system's ffmpeg: when their pictures are, decoding them on demand, forwards without restart, and
 //! making them.
-//!
-//! May use: the nouns of frames. Must not touch: how frames are named or cached.
 
 mod decoder;
 mod encoder;

@@ -7,13 +7,13 @@ use super::decoder::{Decoder, Start, decoding};
 use super::log::read_log;
 use super::programs::{Programs, command, explained, input, not_started};
 use super::search::SAME_TIME_S;
-use crate::engine::job::Progress;
-use crate::engine::programs::ChildProcess;
-use crate::frames::FrameError;
+use crate::FrameError;
+use ostra_core::job::Progress;
+use ostra_core::programs::ChildProcess;
 
 /// What opening a film finds out.
 #[derive(Debug)]
-pub(in crate::frames) struct Probed {
+pub(crate) struct Probed {
     /// Columns as shown (ffmpeg turns pictures upright).
     pub width: u32,
     /// Rows as shown.
@@ -44,7 +44,7 @@ const MAX_SCAN_PIXELS: u64 = 1_000_000_000;
 ///
 /// # Errors
 /// [`FrameError`] when ffmpeg is not installed, the file is no video or a damaged one, or the user stopped it.
-pub(in crate::frames) fn probe(path: &Path, progress: &Progress) -> Result<Probed, FrameError> {
+pub(crate) fn probe(path: &Path, progress: &Progress) -> Result<Probed, FrameError> {
     probe_with(&Programs::default(), path, progress)
 }
 

@@ -6,8 +6,8 @@ use std::sync::OnceLock;
 
 use ffmpeg_sidecar::command::FfmpegCommand;
 
-use crate::engine::programs::{ChildProcess, find};
-use crate::frames::FrameError;
+use crate::FrameError;
+use ostra_core::programs::{ChildProcess, find};
 
 /// Containers that hold their own data. Those that refer to other files or addresses (playlists such as HLS and DASH,
 /// concat scripts, SDP, image sequences) are left out: a file from a stranger must not make ffmpeg open anything else.

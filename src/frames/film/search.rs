@@ -4,7 +4,7 @@ use std::sync::Arc;
 use super::decoder::{Decoded, Decoder, Start};
 use super::probe::Stream;
 use super::programs::Programs;
-use crate::frames::{FrameError, Image};
+use crate::{FrameError, Image};
 
 /// The frame that is asked for.
 #[derive(Debug, Clone, Copy)]

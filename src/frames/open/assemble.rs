@@ -5,9 +5,9 @@ use super::headers::{Sensor, read_frames};
 use super::naming::name_frames;
 use super::request::{OpenRequest, Opened};
 use super::source::{Item, Kind, Listing, Source, stem};
-use crate::engine::job::Progress;
-use crate::frames::cameras::DepthCameraSource;
-use crate::frames::{Frame, FrameError};
+use crate::cameras::DepthCameraSource;
+use crate::{Frame, FrameError};
+use ostra_core::job::Progress;
 
 /// Lists the sources, pairs depth, reads the headers (in parallel) and names the frames.
 ///

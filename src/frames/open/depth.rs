@@ -5,7 +5,7 @@ use super::pairing::{Pairs, pair_by_name};
 use super::request::OpenRequest;
 use super::source::Item;
 use super::tum::{pair_by_associations, pair_by_time, times_of};
-use crate::frames::FrameError;
+use crate::FrameError;
 
 /// Decides which depth belongs to which picture: by `associations.txt` at `places` or above them, by the times that
 /// names are, or by name and number.

@@ -5,13 +5,13 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 
 use super::source::{Item, Origin};
-use crate::engine::job::Progress;
-use crate::frames::cameras::GivenDepthCamera;
-use crate::frames::decode::{float_white, not_depth, opaque_pixels};
-use crate::frames::header::{Content, Header, check_complete, read_header};
-use crate::frames::named::{NAMED, first_of};
-use crate::frames::{DepthSource, Frame, FrameError, Orientation, PictureSource};
-use crate::geometry::{GeometryError, Turn};
+use crate::cameras::GivenDepthCamera;
+use crate::decode::{float_white, not_depth, opaque_pixels};
+use crate::header::{Content, Header, check_complete, read_header};
+use crate::named::{NAMED, first_of};
+use crate::{DepthSource, Frame, FrameError, Orientation, PictureSource};
+use ostra_core::job::Progress;
+use ostra_geometry::{GeometryError, Turn};
 
 /// Images whose colours are floats are decoded one at a time: they are large.
 static FLOAT_COLORS: Mutex<()> = Mutex::new(());

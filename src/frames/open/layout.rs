@@ -7,8 +7,8 @@ use super::listing::Listed;
 use super::natural::natural_order;
 use super::pairing::{says_depth, without_ending, without_role};
 use super::source::{Item, Listing, without_depth};
-use crate::frames::FrameError;
-use crate::frames::header::read_header;
+use crate::FrameError;
+use crate::header::read_header;
 
 /// Names of folders that hold the colour pictures of an RGB-D recording, the likeliest first.
 const COLOR_FOLDERS: [&str; 5] = ["color", "colour", "rgb", "image", "images"];

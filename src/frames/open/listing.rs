@@ -2,10 +2,10 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::natural::natural_order;
-use crate::engine::disk;
-use crate::frames::FrameError;
-use crate::frames::header::FORMATS;
-use crate::frames::named::first_of;
+use crate::FrameError;
+use crate::header::FORMATS;
+use crate::named::first_of;
+use ostra_core::disk;
 
 /// The endings of image files, in lower case.
 pub(super) const PICTURE_ENDINGS: [&str; 8] = ["jpg", "jpeg", "png", "tif", "tiff", "webp", "jfif", "jpe"];

@@ -1,6 +1,4 @@
 //! From what the user names (folders, pictures, films, depth) to frames in project order.
-//!
-//! May use: the nouns of frames, a depth camera that is given. Must not touch: pixels beyond headers, the pictures' cameras.
 
 mod assemble;
 mod depth;

@@ -1,7 +1,7 @@
 use std::collections::BTreeSet;
 use std::path::{Component, Path};
 
-use crate::frames::FrameError;
+use crate::FrameError;
 
 /// The names of frames given as (number of its source, name below it): before each go as many of its source's last
 /// parts, at least `at_least`, as make the sources differ and no name one that is `taken`.

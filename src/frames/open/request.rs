@@ -2,8 +2,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::frames::Frame;
-use crate::frames::cameras::DepthCameraSource;
+use crate::Frame;
+use crate::cameras::DepthCameraSource;
 
 /// What to open: one source after another, thinned.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -6,10 +6,10 @@ use super::layout::{beside_depth, recognise, split_by_name};
 use super::listing::{Listed, PICTURE_ENDINGS, has_picture_ending, list_pictures, text_of, unsupported_image};
 use super::pairing::without_ending;
 use super::request::FrameFolder;
-use crate::engine::job::Progress;
-use crate::frames::film::{Probed, probe};
-use crate::frames::header::{FileKind, kind_of_file};
-use crate::frames::{FrameError, PictureSource};
+use crate::film::{Probed, probe};
+use crate::header::{FileKind, kind_of_file};
+use crate::{FrameError, PictureSource};
+use ostra_core::job::Progress;
 
 /// The pictures of one source, in order.
 #[derive(Debug)]

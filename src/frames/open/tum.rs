@@ -3,8 +3,8 @@ use std::path::{Path, PathBuf};
 
 use super::listing::Listed;
 use super::pairing::{Pairs, without_ending};
-use crate::engine::disk;
-use crate::frames::FrameError;
+use crate::FrameError;
+use ostra_core::disk;
 
 /// Pictures and depths of a TUM recording farther apart than this, in seconds, do not belong together.
 const MAX_TIME_DIFFERENCE_S: f64 = 0.02;

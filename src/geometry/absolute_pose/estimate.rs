@@ -2,9 +2,9 @@ use glam::{DVec2, DVec3};
 
 use super::refine::refined;
 use super::seen::{Blocks, Seen, seen};
-use crate::geometry::ransac::{Estimator, RansacOptions, consensus};
-use crate::geometry::solvers::p3p;
-use crate::geometry::{Camera, Pose};
+use crate::ransac::{Estimator, RansacOptions, consensus};
+use crate::solvers::p3p;
+use crate::{Camera, Pose};
 
 /// When points agree with a pose, and how long to look for one.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,8 +3,8 @@ use glam::{DVec2, DVec3};
 use super::estimate::{AbsolutePose, AbsolutePoseOptions, chosen, pose_of};
 use super::refine::Reprojection;
 use super::seen::{Blocks, Seen, seen};
-use crate::geometry::Camera;
-use crate::geometry::solvers::minimise;
+use crate::Camera;
+use crate::solvers::minimise;
 
 /// Levenberg–Marquardt steps over pose and focal length.
 const STEPS: usize = 50;
@@ -45,7 +45,7 @@ pub fn estimate_absolute_pose_and_focal(
 struct Found {
     camera: Camera,
     seen: Vec<Seen>,
-    pose: crate::geometry::Pose,
+    pose: crate::Pose,
     inliers: Vec<u32>,
 }
 

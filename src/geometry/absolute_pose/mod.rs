@@ -1,6 +1,4 @@
 //! Where a camera stood that sees known points.
-//!
-//! May use: solvers, ransac, pulp. Must not touch: pixels' values, threads of its own.
 
 mod estimate;
 mod focal;

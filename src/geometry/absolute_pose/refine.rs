@@ -1,8 +1,8 @@
 use glam::{DQuat, DVec2, DVec3};
 
 use super::seen::{Seen, seen};
-use crate::geometry::solvers::{Linearised, Problem, minimise};
-use crate::geometry::{Camera, Pose};
+use crate::solvers::{Linearised, Problem, minimise};
+use crate::{Camera, Pose};
 
 /// Levenberg–Marquardt steps at most.
 const STEPS: usize = 20;

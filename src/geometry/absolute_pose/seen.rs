@@ -2,8 +2,8 @@ use glam::{DMat2, DMat3, DVec2, DVec3};
 use pulp::Arch;
 
 use super::slope::pixel_slope;
-use crate::geometry::ransac::{Cutoff, LANES, within};
-use crate::geometry::{Camera, Pose};
+use crate::ransac::{Cutoff, LANES, within};
+use crate::{Camera, Pose};
 
 /// A known point and where the camera sees it.
 #[derive(Debug, Clone, Copy)]

@@ -1,13 +1,13 @@
 use glam::{DMat2, DVec2};
 
-use crate::geometry::{Camera, Distortion};
+use crate::{Camera, Distortion};
 
 /// Step on the plane z = 1 of the difference quotient.
 const STEP: f64 = 1e-5;
 
 /// Derivative of the pixel position by the position on the plane z = 1, at `at_plane`; `None` where the lens model folds
 /// back.
-pub(in crate::geometry) fn pixel_slope(camera: &Camera, at_plane: DVec2) -> Option<DMat2> {
+pub(crate) fn pixel_slope(camera: &Camera, at_plane: DVec2) -> Option<DMat2> {
     if camera.distortion == Distortion::None {
         return Some(DMat2::from_diagonal(camera.focal_px));
     }

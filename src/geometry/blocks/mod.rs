@@ -1,6 +1,4 @@
 //! Large sparse symmetric equations in blocks of six unknowns: a pose each.
-//!
-//! May use: pulp. Must not touch: what the unknowns are.
 
 mod conjugate;
 mod kernel;

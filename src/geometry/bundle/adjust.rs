@@ -7,7 +7,7 @@ use super::piece::Piece;
 use super::problem::Bundle;
 use super::state::State;
 use super::trial::{Outcome, Trial, cost};
-use crate::geometry::blocks::Column;
+use crate::blocks::Column;
 
 /// How far a step may go: damping of the normal equations and how it changes (the rule of K. Madsen, H. Nielsen,
 /// O. Tingleff, *Methods for Non-Linear Least Squares Problems*, 2004).

@@ -4,7 +4,7 @@ use super::options::BundleOptions;
 use super::piece::{Piece, Sighting};
 use super::problem::Bundle;
 use super::state::State;
-use crate::geometry::blocks::BLOCK;
+use crate::blocks::BLOCK;
 
 /// Observations after which a piece is full.
 const PIECE: usize = 512;

@@ -1,4 +1,4 @@
-use crate::geometry::blocks::{BLOCK, Column};
+use crate::blocks::{BLOCK, Column};
 
 /// Products to be added to the reduced matrix, as groups of entries: each entry belongs to one block of unknowns, and
 /// every two entries of a group meet in one block of the matrix. An observation is a group (its pose, its camera's

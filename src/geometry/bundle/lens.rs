@@ -1,8 +1,8 @@
 use glam::{DMat2, DVec2, DVec3};
 
 use super::options::Refine;
-use crate::geometry::blocks::BLOCK;
-use crate::geometry::{Camera, Distortion};
+use crate::blocks::BLOCK;
+use crate::{Camera, Distortion};
 
 /// Room for one camera's intrinsics (a common focal factor, the principal point, at most eight coefficients): two
 /// blocks of unknowns.

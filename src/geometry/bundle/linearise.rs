@@ -6,7 +6,7 @@ use super::groups::Factors;
 use super::piece::Piece;
 use super::point::{PointFactor, PointTerms};
 use super::state::State;
-use crate::geometry::blocks::Column;
+use crate::blocks::Column;
 
 /// The derivatives of one piece's observations, ready to be added to the reduced matrix; kept to be filled again.
 #[derive(Debug, Clone, Default)]

@@ -2,8 +2,6 @@
 //!
 //! After B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, *Bundle Adjustment — A Modern Synthesis*, Vision
 //! Algorithms 1999: Levenberg–Marquardt, the points eliminated first (Schur complement), the rest factored in blocks.
-//!
-//! May use: nalgebra, glam, rayon's pool (the result is the same for any number of threads), pulp.
 
 mod adjust;
 mod arrange;

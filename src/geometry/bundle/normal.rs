@@ -6,7 +6,7 @@ use super::groups::{Factors, Groups};
 use super::linearise::{Derivatives, Linearise};
 use super::piece::Piece;
 use super::state::State;
-use crate::geometry::blocks::{BLOCK, Column, Row, Skyline, solve, subtract_products};
+use crate::blocks::{BLOCK, Column, Row, Skyline, solve, subtract_products};
 
 /// Pieces whose derivatives are held at once.
 const WAVE: usize = 8;

@@ -1,6 +1,6 @@
 use glam::{DVec2, DVec3};
 
-use crate::geometry::{Camera, Pose};
+use crate::{Camera, Pose};
 
 /// What is adjusted: cameras, where each picture was taken, points, and where the points were seen.
 #[derive(Debug, Clone, PartialEq, Default)]

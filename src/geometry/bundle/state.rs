@@ -5,8 +5,8 @@ use super::lens::{INTRINSICS, Lens, Seen};
 use super::options::{BundleOptions, Loss, Refine};
 use super::piece::Sighting;
 use super::problem::Bundle;
-use crate::geometry::blocks::{BLOCK, Column};
-use crate::geometry::{Camera, Pose};
+use crate::blocks::{BLOCK, Column};
+use crate::{Camera, Pose};
 
 /// Cameras and poses as they are at one moment of the adjustment; the points live in the pieces.
 #[derive(Debug, Clone)]

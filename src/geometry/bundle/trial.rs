@@ -6,7 +6,7 @@ use super::arrange::Layout;
 use super::piece::Piece;
 use super::point::PointTerms;
 use super::state::{Observed, State};
-use crate::geometry::blocks::{Column, dot};
+use crate::blocks::{Column, dot};
 
 /// A step of all poses and intrinsics, to be tried.
 pub(super) struct Trial<'a> {

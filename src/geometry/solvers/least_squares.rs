@@ -1,5 +1,5 @@
 /// A robust least-squares problem with `N` free numbers at one state of them.
-pub(in crate::geometry) trait Problem<const N: usize>: Sized {
+pub(crate) trait Problem<const N: usize>: Sized {
     /// The cost here, the normal matrix `Jᵀ W J` (its lower half is read) and the gradient `Jᵀ W r`.
     fn linearise(&self) -> Linearised<N>;
     /// The state a step away.
@@ -7,7 +7,7 @@ pub(in crate::geometry) trait Problem<const N: usize>: Sized {
 }
 
 /// A problem near one state.
-pub(in crate::geometry) struct Linearised<const N: usize> {
+pub(crate) struct Linearised<const N: usize> {
     pub cost: f64,
     pub normal: [[f64; N]; N],
     pub gradient: [f64; N],
@@ -37,7 +37,7 @@ const SMALL_GAIN: f64 = 1e-5;
 
 /// The state of least cost near `start` by at most `max_steps` steps of K. Levenberg and D. Marquardt's method (*An
 /// Algorithm for Least-Squares Estimation of Nonlinear Parameters*, SIAM 1963). Never worse than `start`.
-pub(in crate::geometry) fn minimise<const N: usize, P: Problem<N>>(start: P, max_steps: usize) -> P {
+pub(crate) fn minimise<const N: usize, P: Problem<N>>(start: P, max_steps: usize) -> P {
     let (mut state, mut damping) = (start, FIRST_DAMPING);
     let mut here = state.linearise();
     for _ in 0..max_steps {

@@ -1,7 +1,5 @@
 //! Minimal solvers: one pure function per file, from the fewest correspondences that fix a model to all models that
 //! satisfy them. Rays are points on the plane z = 1 of camera space, lens distortion removed.
-//!
-//! May use: glam. Must not touch: randomness, thresholds, outliers (those are RANSAC's).
 
 mod constraints;
 mod eight_point;

@@ -1,7 +1,7 @@
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::real_roots::real_roots;
-use crate::geometry::Pose;
+use crate::Pose;
 
 /// Newton's steps on the three distances.
 const POLISH_STEPS: usize = 3;

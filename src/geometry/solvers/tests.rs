@@ -3,7 +3,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::*;
-use crate::geometry::Pose;
+use crate::Pose;
 
 const SEEDS: u64 = 1000;
 

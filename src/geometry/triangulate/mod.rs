@@ -1,6 +1,4 @@
 //! Points from where several cameras see them.
-//!
-//! May use: solvers. Must not touch: threads of its own, files.
 
 mod position;
 mod robust;

@@ -1,7 +1,7 @@
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::geometry::solvers::{Linearised, Problem, minimise};
-use crate::geometry::{Camera, Pose};
+use crate::solvers::{Linearised, Problem, minimise};
+use crate::{Camera, Pose};
 
 /// Where one camera sees a point.
 #[derive(Debug, Clone, Copy)]

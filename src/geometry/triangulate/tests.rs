@@ -3,7 +3,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::*;
-use crate::geometry::{Camera, Distortion, Pose};
+use crate::{Camera, Distortion, Pose};
 
 const CAMERA: Camera = Camera {
     width: 1600,

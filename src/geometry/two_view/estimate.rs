@@ -5,10 +5,10 @@ use super::matched::Matched;
 use super::models::{Agreement, Essential, Fundamental, Homography, Rotation};
 use super::options::{TwoView, TwoViewKind, TwoViewOptions};
 use super::refine::refine_fundamental;
-use crate::geometry::Camera;
-use crate::geometry::epipolar::fundamental_in_pixels;
-use crate::geometry::pose::nearest_rotation;
-use crate::geometry::ransac::{Consensus, Estimator, RansacOptions, consensus};
+use crate::Camera;
+use crate::epipolar::fundamental_in_pixels;
+use crate::pose::nearest_rotation;
+use crate::ransac::{Consensus, Estimator, RansacOptions, consensus};
 
 /// An essential matrix with at least this share of a fundamental matrix's inliers is the better explanation.
 const CALIBRATED_SHARE: f64 = 0.95;

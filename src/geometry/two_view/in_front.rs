@@ -1,7 +1,7 @@
 use glam::{DMat3, DVec2};
 
-use crate::geometry::Pose;
-use crate::geometry::epipolar::poses_from_essential;
+use crate::Pose;
+use crate::epipolar::poses_from_essential;
 
 /// A motion and what it makes of the matches.
 pub(super) struct Motion {

@@ -2,9 +2,9 @@ use glam::{DMat3, DVec2};
 use pulp::Arch;
 
 use super::support::by_support;
-use crate::geometry::Camera;
-use crate::geometry::absolute_pose::pixel_slope;
-use crate::geometry::ransac::{Cutoff, LANES, within};
+use crate::Camera;
+use crate::absolute_pose::pixel_slope;
+use crate::ransac::{Cutoff, LANES, within};
 
 /// Eight matches side by side: rays in both cameras, and the square of what a pixel is worth on the plane z = 1 there.
 /// Places without a match hold NaN, which no model explains.

@@ -1,6 +1,4 @@
 //! Two views: which matches agree with one motion of the camera, and which motion that is.
-//!
-//! May use: solvers, ransac, pulp. Must not touch: pixels' values, descriptors, threads of its own.
 
 mod estimate;
 mod in_front;

@@ -3,8 +3,8 @@ use nalgebra::Matrix3;
 
 use super::matched::{Block, Matched, epipolar_errors, transfer_errors};
 use super::refine::{refine_essential, refine_fundamental};
-use crate::geometry::ransac::{Estimator, LANES};
-use crate::geometry::solvers::{five_point, homography, homography4, seven_point};
+use crate::ransac::{Estimator, LANES};
+use crate::solvers::{five_point, homography, homography4, seven_point};
 
 /// What a matrix between rays says of the matches.
 pub(super) trait Relation {

@@ -1,6 +1,6 @@
 use glam::DMat3;
 
-use crate::geometry::Pose;
+use crate::Pose;
 
 /// When matches agree, and how long to look for agreement.
 #[derive(Debug, Clone, Copy, PartialEq)]

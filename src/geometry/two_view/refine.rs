@@ -3,10 +3,10 @@ use nalgebra::Matrix3;
 use pulp::{Simd, WithSimd};
 
 use super::matched::{Block, Matched};
-use crate::geometry::Pose;
-use crate::geometry::epipolar::{cross_matrix, essential_from_pose, poses_from_essential};
-use crate::geometry::ransac::LANES;
-use crate::geometry::solvers::{Linearised, Problem, minimise};
+use crate::Pose;
+use crate::epipolar::{cross_matrix, essential_from_pose, poses_from_essential};
+use crate::ransac::LANES;
+use crate::solvers::{Linearised, Problem, minimise};
 
 /// Levenberg–Marquardt steps of one refinement.
 const STEPS: usize = 6;

@@ -1,6 +1,6 @@
 use glam::DVec2;
 
-use crate::geometry::Camera;
+use crate::Camera;
 
 /// Matches that a cell of the first view holds on average.
 const PER_CELL: f64 = 3.0;

@@ -3,8 +3,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::*;
-use crate::geometry::epipolar::{essential_from_pose, fundamental_in_pixels};
-use crate::geometry::{Camera, Distortion, Pose};
+use crate::epipolar::{essential_from_pose, fundamental_in_pixels};
+use crate::{Camera, Distortion, Pose};
 
 const FIRST: Camera = Camera {
     width: 1600,

@@ -1,7 +1,7 @@
 use super::depth_edges::{DepthEdges, depth_edges, known};
-use crate::frames::DepthMap;
-use crate::masks::unexplained::{Apartness, Unexplained, explained, parts};
-use crate::masks::{LabelMask, Region};
+use crate::unexplained::{Apartness, Unexplained, explained, parts};
+use crate::{LabelMask, Region};
+use ostra_frames::DepthMap;
 
 /// Strength of an edge from which on it parts two surfaces.
 const PARTS: f32 = 0.5;
@@ -60,7 +60,7 @@ fn behind(depth: &DepthMap, part: &Region) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::masks::LabelId;
+    use crate::LabelId;
 
     #[test]
     fn a_box_before_a_wall_stands_apart_and_a_hole_in_it_does_not() {

@@ -5,7 +5,7 @@ use super::appearance::{Model, Palette};
 use super::energy::{Role, cheapest_change};
 use super::geodesic::distances;
 use super::graph::RegionGraph;
-use crate::masks::PxBox;
+use crate::PxBox;
 
 /// How the object in a box is found.
 #[derive(Debug, Clone, Copy)]

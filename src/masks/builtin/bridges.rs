@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::graph::{Edge, RegionStats};
-use crate::masks::lab::squared_difference;
+use crate::lab::squared_difference;
 
 /// When two regions touch in space.
 #[derive(Debug, Clone, Copy)]

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::depth_edges::known;
-use crate::frames::{DepthMap, Image};
-use crate::masks::lab::{lab_of, squared_difference};
+use crate::lab::{lab_of, squared_difference};
+use ostra_frames::{DepthMap, Image};
 
 /// Pixels to each side that are asked.
 const REACH: usize = 8;

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::frames::DepthMap;
+use ostra_frames::DepthMap;
 
 /// Strengths between 4-neighbours, 0–1, from depth alone; 0 where either depth is unknown.
 pub(super) struct DepthEdges {

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::depth_edges::DepthEdges;
 use super::filter::box_mean;
 use super::surface::Surfaces;
-use crate::masks::lab::squared_difference;
+use crate::lab::squared_difference;
 
 /// Strengths between 4-neighbours, 0 (none) to 1 (sure), and the raw colour steps they came from.
 pub(super) struct EdgeMap {

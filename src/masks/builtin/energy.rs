@@ -1,7 +1,7 @@
 //! The energy of changing regions' sides, and its minimum cut.
 
 use super::graph::{Edge, RegionGraph};
-use crate::masks::maxflow::{FlowGraph, Link};
+use crate::maxflow::{FlowGraph, Link};
 
 /// Capacity units per pixel side of a border without any edge.
 const UNIT: f32 = 1000.0;

@@ -3,7 +3,7 @@
 use std::collections::BinaryHeap;
 
 use super::graph::{Edge, RegionGraph};
-use crate::masks::frontier::Reached;
+use crate::frontier::Reached;
 
 /// Distances to the nearest source.
 pub(super) struct Distances {

@@ -7,8 +7,8 @@ use super::depth_edges::known;
 use super::filter::box_mean;
 use super::regions::Partition;
 use super::surface::Surfaces;
-use crate::frames::DepthMap;
-use crate::masks::lab::squared_difference;
+use crate::lab::squared_difference;
+use ostra_frames::DepthMap;
 
 /// Means over one region.
 #[derive(Debug, Clone, Copy, Default)]

@@ -6,10 +6,10 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::frames::Image;
-use crate::masks::cut::{Borders, Window};
-use crate::masks::lab::{lab_of_pixel, squared_difference};
-use crate::masks::{Click, Connectivity, Region, components, squared_distance_to};
+use crate::cut::{Borders, Window};
+use crate::lab::{lab_of_pixel, squared_difference};
+use crate::{Click, Connectivity, Region, components, squared_distance_to};
+use ostra_frames::Image;
 
 /// Where a click looks and what it believes; lengths in pixels of the reduced picture.
 struct MendOptions {

@@ -1,6 +1,4 @@
 //! The segmenter that needs no weights: a graph cut over small regions, seeded by clicks and boxes.
-//!
-//! May use: frames, engine::job, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
 mod alike;
 mod apart;

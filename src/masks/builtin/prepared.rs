@@ -5,9 +5,9 @@ use super::graph::RegionGraph;
 use super::mend::mended;
 use super::query::Query;
 use super::raster::Raster;
-use crate::engine::job::Progress;
-use crate::frames::Image;
-use crate::masks::{Click, MaskError, PreparedFrame, PxBox, Region, SegmentRequest};
+use crate::{Click, MaskError, PreparedFrame, PxBox, Region, SegmentRequest};
+use ostra_core::job::Progress;
+use ostra_frames::Image;
 
 /// A frame with everything worked out that no prompt is needed for.
 pub(super) struct Prepared {

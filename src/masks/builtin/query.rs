@@ -8,7 +8,7 @@ use super::graph::RegionGraph;
 use super::prepared::Prepared;
 use super::raster::Raster;
 use super::situation::Situation;
-use crate::masks::{Click, PxBox, Region};
+use crate::{Click, PxBox, Region};
 
 /// An answer in the making.
 pub(super) struct Query<'a> {

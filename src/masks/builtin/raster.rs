@@ -4,10 +4,10 @@
 use rayon::prelude::*;
 
 use super::graph::RegionStats;
-use crate::engine::job::{Progress, Stopped};
-use crate::frames::{DepthMap, Image};
-use crate::masks::Region;
-use crate::masks::lab::{lab_of_pixel, squared_difference};
+use crate::Region;
+use crate::lab::{lab_of_pixel, squared_difference};
+use ostra_core::job::{Progress, Stopped};
+use ostra_frames::{DepthMap, Image};
 
 /// Pictures with more pixels than this are reduced.
 const MOST_PIXELS: usize = 1_300_000;

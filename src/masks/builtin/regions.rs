@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use super::depth_edges::known;
 use super::edges::EdgeMap;
 use super::surface::Surfaces;
-use crate::frames::DepthMap;
-use crate::masks::lab::squared_difference;
+use crate::lab::squared_difference;
+use ostra_frames::DepthMap;
 
 /// How fine the over-segmentation is.
 #[derive(Debug, Clone, Copy)]

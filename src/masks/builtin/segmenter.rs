@@ -9,10 +9,10 @@ use super::prepared::Prepared;
 use super::raster::{Raster, reduced_depth, reduced_image, reduction};
 use super::regions::{RegionOptions, partition};
 use super::surface::Surfaces;
-use crate::engine::job::Progress;
-use crate::frames::{DepthMap, Image};
-use crate::masks::lab::lab_of;
-use crate::masks::{MaskError, PreparedFrame, Segmenter};
+use crate::lab::lab_of;
+use crate::{MaskError, PreparedFrame, Segmenter};
+use ostra_core::job::Progress;
+use ostra_frames::{DepthMap, Image};
 
 /// Graph cut over colour, texture and, where there is depth, depth edges; needs no weights.
 #[derive(Debug, Clone, Copy, Default)]

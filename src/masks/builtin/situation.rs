@@ -4,7 +4,7 @@ use super::appearance::Palette;
 use super::energy::Role;
 use super::geodesic::distances;
 use super::graph::{Edge, RegionGraph, RegionStats};
-use crate::masks::Click;
+use crate::Click;
 
 /// What a click finds.
 pub(super) struct Situation<'a> {

@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::depth_edges::known;
-use crate::frames::DepthMap;
+use ostra_frames::DepthMap;
 
 /// Relative depths this far apart are different surfaces.
 const APART: f32 = 0.03;

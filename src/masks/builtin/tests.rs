@@ -4,9 +4,9 @@ use glam::DVec2;
 use proptest::prelude::*;
 
 use super::BuiltinSegmenter;
-use crate::engine::job::Progress;
-use crate::frames::{DepthMap, Image};
-use crate::masks::{Click, MaskError, PreparedFrame, Prompt, PxBox, Region, SegmentRequest, Segmenter};
+use crate::{Click, MaskError, PreparedFrame, Prompt, PxBox, Region, SegmentRequest, Segmenter};
+use ostra_core::job::Progress;
+use ostra_frames::{DepthMap, Image};
 
 const WIDTH: u32 = 160;
 const HEIGHT: u32 = 120;

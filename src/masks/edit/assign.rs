@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, Region};
+use crate::{LabelId, LabelMask, LabelTree, MaskError, Region};
 
 /// What painting does where another label is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

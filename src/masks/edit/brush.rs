@@ -1,7 +1,7 @@
 use glam::DVec2;
 
 use super::polygon::{check_points, columns_between};
-use crate::masks::{MaskError, Region};
+use crate::{MaskError, Region};
 
 /// Below this radius a brush would leave gaps between pixels.
 const MIN_RADIUS_PX: f64 = 0.5;
@@ -89,8 +89,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::masks::components::{Connectivity, components};
-    use crate::masks::outline::distance_to_segment;
+    use crate::components::{Connectivity, components};
+    use crate::outline::distance_to_segment;
 
     fn points() -> impl Strategy<Value = Vec<DVec2>> {
         prop::collection::vec((-5.0f64..35.0, -5.0f64..25.0).prop_map(|(x, y)| DVec2::new(x, y)), 1..5)

@@ -1,5 +1,5 @@
 use super::assign::yielding;
-use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, Prompt, Region};
+use crate::{LabelId, LabelMask, LabelTree, MaskError, Prompt, Region};
 
 /// Puts a segmenter's answer for `label` into a frame's mask: the label's former pixels are cleared, the region is
 /// written. Pixels of other labels stay, unless these are ancestors of the label (a part takes from its parent) or named
@@ -46,7 +46,7 @@ mod tests {
 
     use super::super::tests::{frame, tree};
     use super::*;
-    use crate::masks::Click;
+    use crate::Click;
 
     proptest! {
         #[test]

@@ -1,7 +1,7 @@
 use std::collections::BTreeSet;
 
-use crate::masks::runs::merged;
-use crate::masks::{LabelId, MaskError, RunMask};
+use crate::runs::merged;
+use crate::{LabelId, MaskError, RunMask};
 
 /// `after`, in which `held` labels have exactly the pixels that they have in `before`; where `after` gives them others,
 /// nothing is.
@@ -27,7 +27,7 @@ mod tests {
 
     use super::super::tests::frame;
     use super::*;
-    use crate::masks::LabelMask;
+    use crate::LabelMask;
 
     proptest! {
         #[test]

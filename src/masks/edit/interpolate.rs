@@ -1,7 +1,7 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::masks::{MaskError, Region, squared_distance_to};
+use crate::{MaskError, Region, squared_distance_to};
 
 /// Shapes between two shapes: signed distances are blended (Raya, Udupa, "Shape-based interpolation of
 /// multidimensional objects", IEEE Transactions on Medical Imaging, 1990) after both were moved and scaled onto the

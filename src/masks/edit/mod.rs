@@ -1,6 +1,5 @@
-//! Changing masks by hand: brush, eraser, polygon, a border that is pulled, and a segmenter's answer put into a frame's mask.
-//!
-//! May use: masks. Must not touch: files, cameras, 3-D, UI.
+//! Changing masks by hand: brush, eraser, polygon, a border that is pulled, and a segmenter's answer put into a frame's
+//! mask.
 
 mod assign;
 mod brush;

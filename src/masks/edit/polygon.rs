@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use glam::DVec2;
 
-use crate::masks::{MaskError, Region};
+use crate::{MaskError, Region};
 
 /// The pixels whose centres lie inside closed polygons by the even-odd rule over all of them together (so a ring inside
 /// another is a hole). Corners are in pixels and may lie outside the frame; a side through a pixel's centre counts for
@@ -40,7 +40,7 @@ pub fn polygon_spans(
 ///
 /// # Errors
 /// As [`fill_polygons`].
-pub(in crate::masks) fn winding_spans(
+pub(crate) fn winding_spans(
     width: u32,
     height: u32,
     ring: &[DVec2],

@@ -2,8 +2,8 @@ use glam::DVec2;
 
 use super::assign::{PaintRule, assign, erase};
 use super::polygon::{check_points, winding_spans};
-use crate::masks::outline::nearest_on_segment;
-use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, Region, outlines};
+use crate::outline::nearest_on_segment;
+use crate::{LabelId, LabelMask, LabelTree, MaskError, Region, outlines};
 
 /// How far along the border a pull of no length would reach, in pixels.
 const REACH_PX: f64 = 4.0;

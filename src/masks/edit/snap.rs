@@ -3,11 +3,11 @@
 use glam::{DVec2, Vec3};
 
 use super::brush::stroke;
-use crate::frames::Image;
-use crate::masks::components::{Connectivity, components};
-use crate::masks::lab::lab_of_pixel;
-use crate::masks::maxflow::{FlowGraph, Link};
-use crate::masks::{MaskError, Region};
+use crate::components::{Connectivity, components};
+use crate::lab::lab_of_pixel;
+use crate::maxflow::{FlowGraph, Link};
+use crate::{MaskError, Region};
+use ostra_frames::Image;
 
 /// The part of the brush's radius within which everything is painted.
 const CORE_SHARE: f64 = 0.5;

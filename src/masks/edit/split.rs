@@ -1,4 +1,4 @@
-use crate::masks::{Connectivity, MaskError, Region, components, squared_distance_to};
+use crate::{Connectivity, MaskError, Region, components, squared_distance_to};
 
 /// Share of a piece's pixels from which on all of it goes one way.
 const WHOLE_SHARE: f64 = 0.9;

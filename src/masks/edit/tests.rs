@@ -1,6 +1,6 @@
 use proptest::prelude::*;
 
-use crate::masks::{Label, LabelId, LabelMask, LabelTree, Region};
+use crate::{Label, LabelId, LabelMask, LabelTree, Region};
 
 /// 1 › 2 › 3, 1 › 4, and 5 alone.
 pub(super) fn tree() -> LabelTree {

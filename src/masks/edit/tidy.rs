@@ -1,5 +1,5 @@
 use super::assign::{PaintRule, assign, erase, yielding};
-use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, Region};
+use crate::{LabelId, LabelMask, LabelTree, MaskError, Region};
 
 /// Fills the holes of a label that have fewer than `holes_below_px` pixels and removes its islands that have fewer than
 /// `islands_below_px` pixels (0 = none); returns how many pixels changed. A hole is closed in by the label; its pixels
@@ -57,7 +57,7 @@ mod tests {
 
     use super::super::tests::{frame, tree};
     use super::*;
-    use crate::masks::components::{Connectivity, components};
+    use crate::components::{Connectivity, components};
 
     proptest! {
         #[test]

@@ -1,7 +1,7 @@
 use std::collections::BTreeSet;
 
-use crate::masks::runs::merged;
-use crate::masks::{LabelId, MaskError, RunMask};
+use crate::runs::merged;
+use crate::{LabelId, MaskError, RunMask};
 
 /// `mask` with the pixels that `labels` have in `source`: those that they had before are cleared, the new ones are set
 /// where nothing, or one of `labels`, is; with `replace` over other labels too. All else stays as it is.
@@ -33,7 +33,7 @@ mod tests {
 
     use super::super::tests::frame;
     use super::*;
-    use crate::masks::LabelMask;
+    use crate::LabelMask;
 
     proptest! {
         #[test]

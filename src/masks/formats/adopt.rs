@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 
-use crate::masks::{Label, LabelId, LabelTree, MaskError};
+use crate::{Label, LabelId, LabelTree, MaskError};
 
 /// The labels of files brought into a project's tree: those known by name are taken as they are, others are added.
 pub(super) struct Adoption {

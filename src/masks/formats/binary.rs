@@ -9,9 +9,9 @@ use super::labels_json::{listed_labels, write_labels_json};
 use super::layers::{contested_warning, stacked};
 use super::png_values::{HowRead, PngValues, Stored, encode_png, reconcile_cut_outs};
 use super::skipped::Skipped;
-use crate::engine::disk;
-use crate::engine::job::Progress;
-use crate::masks::{LabelId, LabelTree, MaskError, RunMask};
+use crate::{LabelId, LabelTree, MaskError, RunMask};
+use ostra_core::disk;
+use ostra_core::job::Progress;
 
 /// Reads `LABEL/FRAME.png`. A folder is a label by its name, else by its number; a pixel is inside where its value is
 /// more than half of the highest in the label's files.

@@ -15,9 +15,9 @@ use super::layers::{contested_warning, stacked};
 use super::png_values::size_fault;
 use super::rle;
 use super::skipped::Skipped;
-use crate::engine::job::Progress;
-use crate::masks::edit::polygon_spans;
-use crate::masks::{Extent, Label, LabelId, LabelTree, MaskError, RunMask};
+use crate::edit::polygon_spans;
+use crate::{Extent, Label, LabelId, LabelTree, MaskError, RunMask};
+use ostra_core::job::Progress;
 
 /// The file that an export writes.
 const FILE: &str = "annotations.json";

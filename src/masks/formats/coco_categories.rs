@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::adopt::{Adoption, Newcomer};
 use super::coco_json::{Category, Id};
-use crate::masks::{LabelId, MAX_DEPTH, MaskError};
+use crate::{LabelId, MAX_DEPTH, MaskError};
 
 /// The labels of a file's categories.
 pub(super) struct CategoryLabels<'c> {

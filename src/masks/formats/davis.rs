@@ -15,8 +15,8 @@ use super::grey_kinds::{
 use super::labels_json::{Listed, ids_of_colors, listed_labels, write_labels_json};
 use super::png_values::{HowRead, PngValues, Stored, encode_png, reconcile_cut_outs};
 use super::skipped::Skipped;
-use crate::engine::job::Progress;
-use crate::masks::{LabelId, LabelMask, LabelTree, MaskError, RunMask};
+use crate::{LabelId, LabelMask, LabelTree, MaskError, RunMask};
+use ostra_core::job::Progress;
 
 /// More labels than this that are named after their numbers are reported: they may be no ids.
 const MAX_UNREPORTED: usize = 20;
@@ -55,7 +55,7 @@ pub fn read_palette_png_of(path: &Path, frame: (&str, u32, u32)) -> Result<Label
 }
 
 /// All ids in masks, 0 among them.
-pub(in crate::masks) fn ids_in<'m>(masks: impl IntoIterator<Item = &'m RunMask>) -> BTreeSet<LabelId> {
+pub(crate) fn ids_in<'m>(masks: impl IntoIterator<Item = &'m RunMask>) -> BTreeSet<LabelId> {
     masks.into_iter().flat_map(|mask| mask.runs.iter().map(|run| run.0)).collect()
 }
 

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::frame_names::file_stems;
 use super::{binary, coco, davis, yolo};
-use crate::engine::job::Progress;
-use crate::frames::Frame;
-use crate::masks::{Label, LabelTree, MaskError, RunMask};
+use crate::{Label, LabelTree, MaskError, RunMask};
+use ostra_core::job::Progress;
+use ostra_frames::Frame;
 
 /// How masks lie in files. Every format keeps ids, names, parents and colours; on import a label is found by its name,
 /// where there is no name by its number.

@@ -3,14 +3,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use crate::engine::disk;
-use crate::engine::job::Progress;
-use crate::frames::natural_order;
-use crate::masks::MaskError;
+use crate::MaskError;
+use ostra_core::disk;
+use ostra_core::job::Progress;
+use ostra_frames::natural_order;
 
 /// A file found below a folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(in crate::masks) struct FoundFile {
+pub(crate) struct FoundFile {
     /// Where it is.
     pub path: PathBuf,
     /// Its path below the folder, parts joined by `/`, without its ending.
@@ -19,7 +19,7 @@ pub(in crate::masks) struct FoundFile {
 
 /// All files below a folder whose ending is one of `endings` (lower case, any case matches), in natural order of their
 /// stems. Hidden ones, and those of systems and network storage, are left out.
-pub(in crate::masks) fn list_files(dir: &Path, endings: &[&str]) -> Result<Vec<FoundFile>, MaskError> {
+pub(crate) fn list_files(dir: &Path, endings: &[&str]) -> Result<Vec<FoundFile>, MaskError> {
     let mut found = Vec::new();
     let mut open = vec![dir.to_path_buf()];
     while let Some(folder) = open.pop() {
@@ -52,7 +52,7 @@ pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), MaskError> {
 }
 
 /// Does `work` on every item on all cores, reporting each as done; the first error in the items' order is returned.
-pub(in crate::masks) fn in_parallel<T: Sync, R: Send>(
+pub(crate) fn in_parallel<T: Sync, R: Send>(
     items: &[T],
     progress: &Progress,
     work: impl Fn(&T) -> Result<R, MaskError> + Sync,
@@ -71,7 +71,7 @@ pub(in crate::masks) fn in_parallel<T: Sync, R: Send>(
 }
 
 /// Makes a failure a value, so that work on other items goes on; a stop remains an error.
-pub(in crate::masks) fn unless_stopped<R>(result: Result<R, MaskError>) -> Result<Result<R, MaskError>, MaskError> {
+pub(crate) fn unless_stopped<R>(result: Result<R, MaskError>) -> Result<Result<R, MaskError>, MaskError> {
     match result {
         Err(error @ MaskError::Stopped(_)) => Err(error),
         result => Ok(result),

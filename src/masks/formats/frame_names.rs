@@ -3,17 +3,17 @@ use std::path::Path;
 
 use super::exchange::MaskFrame;
 use super::files::{FoundFile, invalid};
-use crate::masks::MaskError;
+use crate::MaskError;
 
 /// Finds names by their path without ending, then by file name alone; a name that fits two is not found.
-pub(in crate::masks) struct NameIndex {
+pub(crate) struct NameIndex {
     /// One map per way to match, the surest first; `None` = two have this name.
     levels: [BTreeMap<String, Option<usize>>; 3],
 }
 
 /// Which of several files belongs to which frame.
 #[derive(Debug)]
-pub(in crate::masks) struct Matched<'f> {
+pub(crate) struct Matched<'f> {
     /// (frame number, file), ordered by frame.
     pub pairs: Vec<(usize, &'f FoundFile)>,
     /// Files that belong to no frame.
@@ -22,7 +22,7 @@ pub(in crate::masks) struct Matched<'f> {
 
 impl NameIndex {
     /// An index of names, each of which answers with its place.
-    pub(in crate::masks) fn new<'n>(names: impl IntoIterator<Item = &'n str>) -> Self {
+    pub(crate) fn new<'n>(names: impl IntoIterator<Item = &'n str>) -> Self {
         let mut levels = [const { BTreeMap::new() }; 3];
         for (at, name) in names.into_iter().enumerate() {
             let keys = [name, without_ending(name), last_part(without_ending(name))];
@@ -50,11 +50,7 @@ impl NameIndex {
     ///
     /// # Errors
     /// [`MaskError::Invalid`] when two files fit the same frame equally well.
-    pub(in crate::masks) fn match_files<'f>(
-        &self,
-        dir: &Path,
-        files: &'f [FoundFile],
-    ) -> Result<Matched<'f>, MaskError> {
+    pub fn match_files<'f>(&self, dir: &Path, files: &'f [FoundFile]) -> Result<Matched<'f>, MaskError> {
         let mut best: BTreeMap<usize, (usize, &FoundFile)> = BTreeMap::new();
         let mut unmatched = Vec::new();
         for file in files {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::masks::{LabelId, LabelMask, LabelTree, RunMask};
+use crate::{LabelId, LabelMask, LabelTree, RunMask};
 
 /// The highest values of 8 and 16 bits: "the one object" in black and white images, "void" in masks of ids.
 const WHITES: [LabelId; 2] = [LabelId(255), LabelId(u16::MAX)];
@@ -13,20 +13,20 @@ const MIN_SOFT_HIGHEST: u16 = 128;
 
 /// Whether masks are black and white images of one object, label 1: their only value besides 0 is 255 (65535 in 16
 /// bits), and no label is known to have that id.
-pub(in crate::masks) fn is_black_and_white(ids: &BTreeSet<LabelId>, listed: Option<&LabelTree>) -> bool {
+pub(crate) fn is_black_and_white(ids: &BTreeSet<LabelId>, listed: Option<&LabelTree>) -> bool {
     let mut values = ids.iter().filter(|&&id| id != LabelId::NONE);
     let white = values.next().filter(|id| WHITES.contains(id));
     white.is_some_and(|white| values.next().is_none() && listed.is_none_or(|tree| tree.get(*white).is_none()))
 }
 
 /// Label 1 wherever there is any.
-pub(in crate::masks) fn white_as_one(mask: &RunMask) -> RunMask {
+pub(crate) fn white_as_one(mask: &RunMask) -> RunMask {
     mask.map_ids(|id| if id == LabelId::NONE { id } else { LabelId(1) })
 }
 
 /// What white means in masks that have other values too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::masks) enum White {
+pub(crate) enum White {
     /// An id as any other, or the masks have no white.
     Id,
     /// "Void": the pixels are not known, as at the borders of objects in VOC, DAVIS and Cityscapes.
@@ -38,7 +38,7 @@ pub(in crate::masks) enum White {
 }
 
 /// Decides what white means. `known` says whether a label has an id.
-pub(in crate::masks) fn meaning_of_white(ids: &BTreeSet<LabelId>, known: impl Fn(LabelId) -> bool) -> White {
+pub(crate) fn meaning_of_white(ids: &BTreeSet<LabelId>, known: impl Fn(LabelId) -> bool) -> White {
     let Some(&white) = ids.last().filter(|id| WHITES.contains(id) && !known(**id)) else { return White::Id };
     let others: Vec<u16> = ids.iter().map(|id| id.0).filter(|&id| id != 0 && id != white.0).collect();
     if let [middle] = others[..]
@@ -59,7 +59,7 @@ pub(in crate::masks) fn meaning_of_white(ids: &BTreeSet<LabelId>, known: impl Fn
 
 /// Whether white covers more than all other labels together, in the masks that have it: more than the rims and gaps
 /// that void marks.
-pub(in crate::masks) fn covers_most<'m>(white: LabelId, masks: impl IntoIterator<Item = &'m RunMask>) -> bool {
+pub(crate) fn covers_most<'m>(white: LabelId, masks: impl IntoIterator<Item = &'m RunMask>) -> bool {
     let (mut white_area, mut other_area) = (0, 0);
     for extents in masks.into_iter().map(RunMask::extents) {
         if let Some(extent) = extents.get(&white) {
@@ -76,7 +76,7 @@ fn common_divisor(a: u16, b: u16) -> u16 {
 
 /// Counts what tells soft (antialiased, compressed, resized) masks of one object from masks of ids.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(in crate::masks) struct EdgeStatistics {
+pub(crate) struct EdgeStatistics {
     /// Pixels with a value in question.
     between: u64,
     /// Those of them that have a lower and a higher value among their neighbours: a step of a soft edge.
@@ -89,13 +89,13 @@ impl EdgeStatistics {
     /// Counts the values of one mask between 0 and the mask's own highest: an object may be soft all over, so that no
     /// pixel of it has the highest value of all masks. What is almost the highest is left out too, as networks seldom
     /// give the inside of an object one value.
-    pub(in crate::masks) fn of(mask: &LabelMask) -> Self {
+    pub(crate) fn of(mask: &LabelMask) -> Self {
         let highest = mask.ids.iter().map(|id| u32::from(id.0)).max().unwrap_or_default();
         Self::of_values(mask, |id| u32::from(id.0) * 16 < highest * 15)
     }
 
     /// Counts the values of one mask other than 0 for which `counts` is true.
-    pub(in crate::masks) fn of_values(mask: &LabelMask, counts: impl Fn(LabelId) -> bool) -> Self {
+    pub(crate) fn of_values(mask: &LabelMask, counts: impl Fn(LabelId) -> bool) -> Self {
         let (width, height) = (mask.width as usize, mask.height as usize);
         let mut counted = Self::default();
         for (at, &id) in mask.ids.iter().enumerate() {
@@ -121,12 +121,12 @@ impl EdgeStatistics {
 
     /// Whether nearly every pixel counted is a step between a lower and a higher value. Masks of ids have insides, and
     /// their borders step from one label to the next only where labels touch.
-    pub(in crate::masks) fn are_soft(self) -> bool {
+    pub(crate) fn are_soft(self) -> bool {
         self.between > 0 && self.steps * 2 >= self.between && self.inside * 4 <= self.between
     }
 
     /// The counts of both.
-    pub(in crate::masks) fn plus(self, other: Self) -> Self {
+    pub(crate) fn plus(self, other: Self) -> Self {
         Self {
             between: self.between + other.between,
             steps: self.steps + other.steps,
@@ -136,14 +136,14 @@ impl EdgeStatistics {
 }
 
 /// Whether masks with these values may be soft masks of one object: several values, up to a high one.
-pub(in crate::masks) fn may_be_soft(ids: &BTreeSet<LabelId>) -> bool {
+pub(crate) fn may_be_soft(ids: &BTreeSet<LabelId>) -> bool {
     let highest = ids.last().copied().unwrap_or_default();
     let between = ids.iter().filter(|&&id| id != LabelId::NONE && id != highest).count();
     between >= MIN_SOFT_VALUES && highest.0 >= MIN_SOFT_HIGHEST
 }
 
 /// Whether values that a list of labels lacks may be the soft edges of those that it has.
-pub(in crate::masks) fn may_be_soft_edges(unlisted: &[LabelId]) -> bool {
+pub(crate) fn may_be_soft_edges(unlisted: &[LabelId]) -> bool {
     unlisted.len() >= MIN_SOFT_VALUES
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::files::{invalid, io_error, read_text, write_whole};
-use crate::masks::{Label, LabelId, LabelTree, MaskError};
+use crate::{Label, LabelId, LabelTree, MaskError};
 
 /// The name of the file with the label tree, beside masks.
 pub(super) const LABELS_FILE: &str = "labels.json";
@@ -62,7 +62,7 @@ pub fn read_labels_json(dir: &Path) -> Result<Option<LabelTree>, MaskError> {
 
 /// What is known about the labels of a folder of masks.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(in crate::masks) struct Listed {
+pub(crate) struct Listed {
     /// The labels, where there is a list.
     pub tree: Option<LabelTree>,
     /// Which file was not used and why, for the user.
@@ -71,7 +71,7 @@ pub(in crate::masks) struct Listed {
 
 /// As [`read_labels_json`], with a warning about a file that was not used. Other programs write files of the same name:
 /// one that is not a list of labels is left alone, and so is a damaged list in the folder above, which nobody gave.
-pub(in crate::masks) fn listed_labels(dir: &Path) -> Result<Listed, MaskError> {
+pub(crate) fn listed_labels(dir: &Path) -> Result<Listed, MaskError> {
     let above = dir.canonicalize().ok().and_then(|full| Some(full.parent()?.to_path_buf()));
     let mut files = [Some(dir.to_path_buf()), above].into_iter().flatten().map(|folder| folder.join(LABELS_FILE));
     let Some(file) = files.find(|file| file.is_file()) else { return Ok(Listed::default()) };
@@ -132,7 +132,7 @@ fn read_tree(path: &Path, text: &str) -> Result<LabelTree, MaskError> {
 }
 
 /// Which label has which colour, for masks saved as colour pictures; a colour of two labels is left out.
-pub(in crate::masks) fn ids_of_colors(tree: &LabelTree) -> BTreeMap<[u8; 3], LabelId> {
+pub(crate) fn ids_of_colors(tree: &LabelTree) -> BTreeMap<[u8; 3], LabelId> {
     let mut found: BTreeMap<[u8; 3], Vec<LabelId>> = BTreeMap::new();
     for label in tree.iter() {
         found.entry(label.color).or_default().push(label.id);

@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-use crate::masks::{LabelId, LabelMask, LabelTree, MaskError};
+use crate::{LabelId, LabelMask, LabelTree, MaskError};
 
 /// Objects of one frame that may overlap, laid over each other: the deepest label of the tree wins, of equally deep ones
 /// the later. `draw` hands out the stretches of an object's pixels (places row by row). Returns the mask and how many
@@ -35,7 +35,7 @@ pub(super) fn contested_warning(contested: usize) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::masks::Label;
+    use crate::Label;
 
     #[test]
     fn parts_lie_above_their_wholes() {

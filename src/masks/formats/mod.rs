@@ -1,6 +1,4 @@
 //! Masks in files: one file per format, each with import and export, and what they share.
-//!
-//! May use: masks, frames, engine::job. Must not touch: projects, cameras, 3-D, UI.
 
 mod adopt;
 mod binary;

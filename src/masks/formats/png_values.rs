@@ -6,8 +6,8 @@ use std::path::Path;
 use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
 
 use super::files::{invalid, io_error};
-use crate::engine::disk;
-use crate::masks::{LabelId, LabelMask, MaskError, RunMask};
+use crate::{LabelId, LabelMask, MaskError, RunMask};
+use ostra_core::disk;
 
 /// More pixels than any camera's picture has; a header that claims more is damaged.
 const MAX_PIXELS: u64 = 1 << 28;
@@ -15,7 +15,7 @@ const MAX_PIXELS: u64 = 1 << 28;
 const MAX_LABELS_IN_COLOR: usize = 96;
 
 /// A PNG's pixels as they are stored: no palette applied, nothing scaled.
-pub(in crate::masks) struct PngValues {
+pub(crate) struct PngValues {
     width: u32,
     height: u32,
     pixels: Pixels,
@@ -68,7 +68,7 @@ struct Packed {
 
 /// What transparency did to a mask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::masks) enum AlphaUse {
+pub(crate) enum AlphaUse {
     /// There is none, or it is the same everywhere and says nothing.
     Ignored,
     /// Pixels with ids were transparent and got none.
@@ -81,7 +81,7 @@ pub(in crate::masks) enum AlphaUse {
 
 impl AlphaUse {
     /// What the user should know; reads on from a number of masks.
-    pub(in crate::masks) fn warning(self) -> Option<&'static str> {
+    pub(crate) fn warning(self) -> Option<&'static str> {
         match self {
             Self::Ignored => None,
             Self::Cleared => Some("masks have transparent pixels; those got no label"),
@@ -92,20 +92,20 @@ impl AlphaUse {
     }
 
     /// Whether the mask is label 1 where the file is opaque.
-    pub(in crate::masks) fn is_cut_out(self) -> bool {
+    pub(crate) fn is_cut_out(self) -> bool {
         matches!(self, Self::CutOut | Self::BlackCutOut)
     }
 }
 
 /// A mask, and how its file was read.
-pub(in crate::masks) struct ReadMask {
+pub(crate) struct ReadMask {
     pub mask: LabelMask,
     pub how: HowRead,
 }
 
 /// How the values of a file became ids.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::masks) struct HowRead {
+pub(crate) struct HowRead {
     pub alpha: AlphaUse,
     /// Whether the only values are black and white, stored as 0 and 1.
     pub is_bilevel: bool,
@@ -115,7 +115,7 @@ pub(in crate::masks) struct HowRead {
 
 impl HowRead {
     /// What the user should know; each reads on from a number of masks.
-    pub(in crate::masks) fn warnings(self) -> impl Iterator<Item = &'static str> {
+    pub(crate) fn warnings(self) -> impl Iterator<Item = &'static str> {
         let greys = "masks have a palette of greys that are not its places; the places were read as label ids, not the \
                      greys (save the masks as plain greyscale to use those)";
         self.alpha.warning().into_iter().chain(self.has_other_greys.then_some(greys))
@@ -125,7 +125,7 @@ impl HowRead {
 /// Decides from all masks of a folder what one alone does not show: black next to transparent pixels is background
 /// where other masks have labels, and a white mask without transparency is a cut-out of the whole frame where others
 /// are cut-outs.
-pub(in crate::masks) fn reconcile_cut_outs<'r>(masks: impl Iterator<Item = (&'r mut RunMask, &'r mut HowRead)>) {
+pub(crate) fn reconcile_cut_outs<'r>(masks: impl Iterator<Item = (&'r mut RunMask, &'r mut HowRead)>) {
     let mut masks: Vec<_> = masks.collect();
     let has_labels = |mask: &RunMask| mask.runs.iter().any(|run| run.0 != LabelId::NONE);
     let is_labelled = masks.iter().any(|(mask, how)| how.alpha != AlphaUse::BlackCutOut && has_labels(mask));
@@ -145,7 +145,7 @@ pub(in crate::masks) fn reconcile_cut_outs<'r>(masks: impl Iterator<Item = (&'r 
 impl PngValues {
     /// Reads a PNG of any kind; when `expected` gives a frame (name, width, height), one of another size is refused by
     /// its header.
-    pub(in crate::masks) fn read(path: &Path, expected: Option<(&str, u32, u32)>) -> Result<Self, MaskError> {
+    pub(crate) fn read(path: &Path, expected: Option<(&str, u32, u32)>) -> Result<Self, MaskError> {
         let file = disk::open_regular(path).map_err(io_error(path))?;
         let packed = decode(path, BufReader::new(file), expected)?;
         let pixels = match packed.color {
@@ -163,7 +163,7 @@ impl PngValues {
     }
 
     /// Columns and rows.
-    pub(in crate::masks) fn size(&self) -> (u32, u32) {
+    pub(crate) fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
@@ -171,7 +171,7 @@ impl PngValues {
     /// unless listed), and where there is none, an image without any real colour is read as grey. Transparency that
     /// differs between pixels removes the ids below half of the highest alpha; when what it leaves is an image, or one
     /// white or black area, the mask is the opaque part. See [`reconcile_cut_outs`] for several masks.
-    pub(in crate::masks) fn into_ids(
+    pub(crate) fn into_ids(
         self,
         path: &Path,
         ids_of_colors: Option<&BTreeMap<[u8; 3], LabelId>>,

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use crate::masks::{LabelId, LabelMask, RunMask};
+use crate::{LabelId, LabelMask, RunMask};
 
 /// Run lengths of every label in a mask.
 pub(super) fn column_counts(mask: &LabelMask, ids: &[LabelId]) -> Vec<Vec<u32>> {
@@ -114,7 +114,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::masks::Region;
+    use crate::Region;
 
     #[test]
     fn the_reference_coding() {

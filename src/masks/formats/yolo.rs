@@ -12,9 +12,9 @@ use super::labels_json::{listed_labels, write_labels_json};
 use super::layers::{contested_warning, stacked};
 use super::skipped::Skipped;
 use super::yolo_names::{ClassNames, find_names, is_names_file, yaml};
-use crate::engine::job::Progress;
-use crate::masks::edit::polygon_spans;
-use crate::masks::{LabelId, LabelTree, MaskError, RunMask, outlines};
+use crate::edit::polygon_spans;
+use crate::{LabelId, LabelTree, MaskError, RunMask, outlines};
+use ostra_core::job::Progress;
 
 /// Coordinates are shares of the picture; farther out than this they must be something else (pixels).
 const MAX_SHARE: f64 = 1.5;

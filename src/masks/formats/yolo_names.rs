@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::files::{invalid, io_error, read_text};
-use crate::masks::MaskError;
+use crate::MaskError;
 
 /// How far above the given folder a folder named `labels` is looked for: label files lie in `labels/train`.
 const LEVELS_TO_LABELS: usize = 3;

@@ -1,4 +1,4 @@
-use crate::masks::PxBox;
+use crate::PxBox;
 
 /// Non-maximum suppression: of those whose boxes overlap by an IoU of more than `most_overlap` only the first stays;
 /// the surest must come first.

@@ -27,7 +27,7 @@ pub(super) fn resized(pixels: &[[u8; 3]], from: (usize, usize), to: (usize, usiz
 }
 
 /// The same picture without rounding: `[3, rows, columns]`, 0–255, as PyTorch's bilinear filter with antialiasing makes it.
-pub(super) fn resized_planes(pixels: &[[u8; 3]], from: (usize, usize), to: (usize, usize)) -> Vec<f32> {
+pub fn resized_planes(pixels: &[[u8; 3]], from: (usize, usize), to: (usize, usize)) -> Vec<f32> {
     let columns = weights(from.0, to.0);
     let mut wide = vec![[0.0f32; 3]; to.0 * from.1];
     wide.par_chunks_mut(to.0).zip(pixels.par_chunks(from.0)).for_each(|(out, row)| {

@@ -5,10 +5,10 @@ use glam::DVec2;
 use super::boxes::without_doubles;
 use super::coco::{CLASSES, class_of};
 use super::resize::resized;
-use crate::engine::job::{Progress, Stopped};
-use crate::engine::nn::{Network, NnError, Tensor, load};
-use crate::frames::Image;
-use crate::masks::{GroundRequest, Grounded, MaskError, PxBox, TextGrounder};
+use crate::{GroundRequest, Grounded, MaskError, PxBox, TextGrounder};
+use ostra_compute::nn::{Network, NnError, Tensor, load};
+use ostra_core::job::{Progress, Stopped};
+use ostra_frames::Image;
 
 /// Finds the 80 kinds of everyday things of COCO, by a small network; any other word is refused.
 ///
@@ -146,13 +146,13 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::engine::nn::Runtime;
+    use ostra_compute::nn::Runtime;
 
     /// The network; `None`, after a printed line, where it or what runs it is missing, which `CI` does not allow.
     fn ready() -> Option<Yolox> {
         let found = Runtime::find()
             .map_err(|error| error.to_string())
-            .and_then(|_| Yolox::load(&folder("OSTRA_MODELS", "../shared/models")).map_err(|error| error.to_string()));
+            .and_then(|_| Yolox::load(&folder("OSTRA_MODELS", "../../../shared/models")).map_err(|error| error.to_string()));
         assert!(found.is_ok() || std::env::var_os("CI").is_none(), "{}", found.unwrap_err());
         found.inspect_err(|error| println!("skipped: {error}")).ok()
     }
@@ -163,7 +163,7 @@ mod tests {
     }
 
     fn picture(path: &str) -> Option<Image> {
-        let path = folder("OSTRA_DATA", "../shared/data").join(path);
+        let path = folder("OSTRA_DATA", "../../../shared/data").join(path);
         assert!(path.exists() || std::env::var_os("CI").is_none(), "{} is missing", path.display());
         let picture = image::open(&path).inspect_err(|error| println!("skipped: {error}")).ok()?.to_rgb8();
         let pixels = picture.pixels().map(|pixel| pixel.0).collect();

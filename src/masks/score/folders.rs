@@ -4,12 +4,12 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::table::{FramePair, MaskScore, misfit, score_pairs};
-use crate::engine::job::Progress;
-use crate::masks::formats::{
+use crate::formats::{
     FoundFile, NameIndex, PngValues, Skipped, White, ids_in, ids_of_colors, in_parallel, is_black_and_white,
     list_files, listed_labels, meaning_of_white, reconcile_cut_outs, unless_stopped, white_as_one,
 };
-use crate::masks::{LabelId, LabelTree, MaskError, RunMask};
+use crate::{LabelId, LabelTree, MaskError, RunMask};
+use ostra_core::job::Progress;
 
 /// How two folders of masks are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -220,7 +220,7 @@ fn pairs(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::masks::{Label, MaskFormat, MaskFrame, export_masks};
+    use crate::{Label, MaskFormat, MaskFrame, export_masks};
 
     fn mask(ids: [u16; 12]) -> RunMask {
         RunMask::new(4, 3, ids.map(|id| (LabelId(id), 1)).to_vec()).unwrap()

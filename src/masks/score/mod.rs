@@ -1,6 +1,4 @@
 //! Scores of masks against true masks, as the DAVIS challenge measures them.
-//!
-//! May use: masks, engine::job. Must not touch: projects, cameras, 3-D, UI.
 
 mod boundary;
 mod folders;

@@ -4,9 +4,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::boundary::boundary_f;
-use crate::engine::job::Progress;
-use crate::masks::formats::in_parallel;
-use crate::masks::{LabelId, MaskError, RunMask};
+use crate::formats::in_parallel;
+use crate::{LabelId, MaskError, RunMask};
+use ostra_core::job::Progress;
 
 /// A frame's true mask and the one to score.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -2,8 +2,8 @@ use glam::{DVec2, Vec3, Vec3A};
 use rayon::prelude::*;
 use wide::i32x4;
 
-use crate::frames::Image;
-use crate::masks::lab::lab_of_pixel;
+use crate::lab::lab_of_pixel;
+use ostra_frames::Image;
 
 /// Steps per Lab unit in the sums: integers, so that a box's mean does not depend on what lies before it.
 const STEPS: f32 = 64.0;

@@ -4,8 +4,8 @@ use glam::{DVec2, Vec3A};
 
 use super::crop::Crop;
 use super::ridge::{Ridge, RidgeFilter};
-use crate::frames::Image;
-use crate::masks::frontier::Reached;
+use crate::frontier::Reached;
+use ostra_frames::Image;
 
 /// Least and most room around two points in which the path between them is looked for, in pixels; between these a
 /// quarter of their distance.

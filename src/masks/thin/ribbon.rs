@@ -4,8 +4,8 @@ use glam::DVec2;
 
 use super::path::PathPixel;
 use super::ridge::Ridge;
-use crate::masks::edit::polygon_spans;
-use crate::masks::{MaskError, Region, stroke};
+use crate::edit::polygon_spans;
+use crate::{MaskError, Region, stroke};
 
 /// How far positions of the line are smoothed along it (standard deviation, in pixels).
 const POSITION_SIGMA_PX: f64 = 2.5;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::crop::color_at;
 use super::ribbon::LinePoint;
-use crate::frames::Image;
+use ostra_frames::Image;
 
 /// Distance of the samples across the line, in pixels.
 const STEP_PX: f64 = 0.5;

@@ -1,9 +1,9 @@
 use glam::DVec2;
 
 use super::trace;
-use crate::frames::Image;
-use crate::masks::Region;
-use crate::masks::outline::distance_to_segment;
+use crate::Region;
+use crate::outline::distance_to_segment;
+use ostra_frames::Image;
 
 const GREY: [f64; 3] = [128.0, 128.0, 128.0];
 const GREEN: [f64; 3] = [60.0, 140.0, 50.0];

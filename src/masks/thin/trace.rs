@@ -4,8 +4,8 @@ use super::path::{PathPixel, path_between};
 use super::ribbon::{LinePoint, filled, smooth_line, smooth_widths, split};
 use super::ridge::RidgeFilter;
 use super::strip::{edge_distances, median, shift};
-use crate::frames::Image;
-use crate::masks::{MaskError, Region};
+use crate::{MaskError, Region};
+use ostra_frames::Image;
 
 /// Points nearer than this count as one, in pixels.
 const SAME_PX: f64 = 1.0;

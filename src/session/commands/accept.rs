@@ -4,20 +4,22 @@ use anyhow::{Context, Result, ensure};
 
 use super::correct::without_depth;
 use super::paint::{by_hand, mask_of};
-use crate::frames::FrameStore;
-use crate::masks::{LabelId, LabelMask};
-use crate::scene::doubt::voted_mask;
-use crate::scene::fuse::{Votes, readable};
-use crate::scene::{LabelledCloud, SceneError};
-use crate::session::following::cloud_of_now;
-use crate::session::jobs::{Kind, Landing};
-use crate::session::store::version_in_force;
-use crate::session::surfaces::load_cloud;
-use crate::session::{JobId, Project, ResultKind, Session};
+use crate::Session;
+use crate::following::cloud_of_now;
+use crate::surfaces::load_cloud;
+use crate::{Kind, Landing};
+use ostra_cloud::doubt::voted_mask;
+use ostra_cloud::fuse::{Votes, readable};
+use ostra_cloud::{LabelledCloud, SceneError};
+use ostra_core::job::JobId;
+use ostra_frames::FrameStore;
+use ostra_masks::{LabelId, LabelMask};
+use ostra_project::store::version_in_force;
+use ostra_project::{Project, ResultKind};
 
 impl Session {
     /// Gives a frame the mask that the vote of all frames has, for some labels or (none named) for all.
-    pub(in crate::session) fn accept_vote(&mut self, number: usize, labels: &[LabelId]) -> Result<JobId> {
+    pub(crate) fn accept_vote(&mut self, number: usize, labels: &[LabelId]) -> Result<JobId> {
         let project = self.snapshot()?;
         project.frame(number)?;
         let version = version_in_force(&project, ResultKind::Cloud).context("there is no cloud yet; fuse first")?;
@@ -46,7 +48,7 @@ impl Session {
 
 /// The mask that the vote of all frames gives a frame, for some labels or (none named) for all. A depth that
 /// cannot be read is left aside, as if the frame had none; a warning says so.
-pub(in crate::session) fn by_vote(
+pub(crate) fn by_vote(
     (project, store): (&Project, &FrameStore),
     cloud: (&LabelledCloud, &Votes),
     number: usize,

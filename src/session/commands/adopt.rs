@@ -4,21 +4,23 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 
 use super::correct::{Corrected, Correcting, Notice};
-use crate::engine::job::Progress;
-use crate::frames::FrameSet;
-use crate::masks::{LabelId, LabelMask, LabelTree, Region};
-use crate::scene::LabelledCloud;
-use crate::scene::correct::SeeingPixels;
-use crate::scene::fuse::Votes;
-use crate::scene::instances::{HangingPiece, hanging_pieces, split_mask};
-use crate::scene::select::Selection;
-use crate::session::{AdoptRequest, JobId, Project, Session};
+use crate::{AdoptRequest, Session};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::correct::SeeingPixels;
+use ostra_cloud::fuse::Votes;
+use ostra_cloud::instances::{HangingPiece, hanging_pieces, split_mask};
+use ostra_cloud::select::Selection;
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_frames::FrameSet;
+use ostra_masks::{LabelId, LabelMask, LabelTree, Region};
+use ostra_project::Project;
 
 impl Session {
     /// Gives pieces without a label that hang on one labelled thing to it: the pixels of all masks that see them and
     /// show nothing there, and the points of the cloud with them, in one step. Frames without a mask get none. Where
     /// there is no such piece, nothing happens.
-    pub(in crate::session) fn adopt(&mut self, request: AdoptRequest) -> Result<JobId> {
+    pub(crate) fn adopt(&mut self, request: AdoptRequest) -> Result<JobId> {
         self.correct("Adopt hanging pieces", move |correcting, progress| correcting.adopted(request, progress))
     }
 }

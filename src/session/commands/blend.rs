@@ -4,9 +4,10 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 
 use super::paint::label_name;
-use crate::engine::job::Progress;
-use crate::masks::{LabelId, LabelMask, RunMask, ShapeBlend, transfer};
-use crate::session::{Edit, FrameMask, MaskOrigin, Project, RangeRequest};
+use crate::RangeRequest;
+use ostra_core::job::Progress;
+use ostra_masks::{LabelId, LabelMask, RunMask, ShapeBlend, transfer};
+use ostra_project::{Edit, FrameMask, MaskOrigin, Project};
 
 /// The edits that give the frames between the first and the last of the range shapes between theirs. An anchor in
 /// between keeps the labels that it shows, and stays an anchor.

@@ -6,20 +6,22 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, ensure};
 
 use super::reconstruct::{given, is_posed};
-use crate::engine::job::{Progress, Stopped};
-use crate::frames::cameras::{ModelEncoding, SparsePoints, write_colmap_model};
-use crate::frames::{DepthSource, Frame, FrameCamera, FrameStore};
-use crate::masks::LabelId;
-use crate::scene::rgbd::{Calibration, FrameLink, RgbdOptions, RgbdRequest, RgbdResult, calibrate, register_rgbd};
-use crate::scene::sfm::{
+use crate::Event;
+use crate::Session;
+use crate::engines::{extractor, identity, matcher, registration};
+use crate::growing::Placed;
+use crate::jobs::Link;
+use ostra_core::job::{Progress, Stopped};
+use ostra_frames::cameras::{ModelEncoding, SparsePoints, write_colmap_model};
+use ostra_frames::{DepthSource, Frame, FrameCamera, FrameStore};
+use ostra_masks::LabelId;
+use ostra_project::store::{feature_cache_path, save_links, save_outcomes, sparse_path, sync_folder};
+use ostra_project::{Coordinates, Edit, Project, ReconstructRequest, ResultKind, ResultRecord};
+use ostra_reconstruct::rgbd::{Calibration, FrameLink, RgbdOptions, RgbdRequest, RgbdResult, calibrate, register_rgbd};
+use ostra_reconstruct::sfm::{
     CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, FeatureMatcher, MapperOptions, Outcome,
     PairOptions, SfmRequest, SfmResult, Start, structure_from_motion,
 };
-use crate::session::engines::{extractor, identity, matcher, registration};
-use crate::session::growing::Placed;
-use crate::session::jobs::Link;
-use crate::session::store::{feature_cache_path, save_links, save_outcomes, sparse_path, sync_folder};
-use crate::session::{Coordinates, Edit, Event, Project, ReconstructRequest, ResultKind, ResultRecord, Session};
 
 /// What becomes of poses that frames have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

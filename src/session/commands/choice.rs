@@ -1,31 +1,32 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use crate::masks::{LabelId, RunMask, transfer};
-use crate::session::{Edit, FrameMask, MaskOrigin, Project, TrackSettings};
+use crate::TrackSettings;
+use ostra_masks::{LabelId, RunMask, transfer};
+use ostra_project::{Edit, FrameMask, MaskOrigin, Project};
 
 /// Which labels of a tracker's answers a project takes: all, or some beside which the others stay as they are.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub(in crate::session) struct LabelChoice {
+pub struct LabelChoice {
     labels: Option<BTreeSet<LabelId>>,
     replace: bool,
 }
 
 impl LabelChoice {
     /// What the settings ask for.
-    pub(in crate::session) fn new(settings: &TrackSettings) -> Self {
+    pub fn new(settings: &TrackSettings) -> Self {
         let labels = settings.labels.iter().copied().collect::<BTreeSet<_>>();
         Self { labels: (!labels.is_empty()).then_some(labels), replace: settings.replace }
     }
 
     /// The chosen labels; `None` = all.
-    pub(in crate::session) fn labels(&self) -> Option<&BTreeSet<LabelId>> {
+    pub(crate) fn labels(&self) -> Option<&BTreeSet<LabelId>> {
         self.labels.as_ref()
     }
 
     /// The edit that gives a frame what a tracker answered: none for an anchor, which no tracker overwrites, for a
     /// frame that is gone, or for labels that are gone.
-    pub(in crate::session) fn edit(&self, project: &Project, frame: usize, answer: FrameMask) -> Option<Edit> {
+    pub fn edit(&self, project: &Project, frame: usize, answer: FrameMask) -> Option<Edit> {
         let before = project.masks.get(&frame);
         let is_anchor = before.is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
         let size = (answer.runs.width, answer.runs.height);
@@ -69,7 +70,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::session::tests::making::{anchor, project, tracked};
+    use ostra_project::testing::{anchor, project, tracked};
 
     fn choice(labels: &[u16], replace: bool) -> LabelChoice {
         let labels = labels.iter().copied().map(LabelId).collect();

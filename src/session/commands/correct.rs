@@ -8,20 +8,21 @@ use super::fuse::save_votes;
 use super::paint::{anchor_of, label_name, mask_of};
 use super::surface::save_surface;
 use super::voted_before::VotedBefore;
-use crate::engine::job::Progress;
-use crate::frames::FrameStore;
-use crate::masks::{LabelId, LabelMask, Region, RunMask};
-use crate::scene::correct::SeeingPixels;
-use crate::scene::fuse::{Fused, ProjectViews, Votes, naming, readable};
-use crate::scene::ply::{Coloring, save_ply};
-use crate::scene::select::Selector;
-use crate::scene::{LabelledCloud, SceneError};
-use crate::session::following::cloud_of_now;
-use crate::session::jobs::{Kind, Landing};
-use crate::session::store::{cloud_path, keep_mesh, sync_folder, version_in_force, votes_path};
-use crate::session::{
-    CloudCorrection, Edit, Event, FrameMask, JobId, MaskOrigin, Project, ResultKind, ResultRecord, Session,
-};
+use crate::Event;
+use crate::following::cloud_of_now;
+use crate::{CloudCorrection, Session};
+use crate::{Kind, Landing};
+use ostra_cloud::correct::SeeingPixels;
+use ostra_cloud::fuse::{Fused, ProjectViews, Votes, naming, readable};
+use ostra_cloud::ply::{Coloring, save_ply};
+use ostra_cloud::select::Selector;
+use ostra_cloud::{LabelledCloud, SceneError};
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_frames::FrameStore;
+use ostra_masks::{LabelId, LabelMask, Region, RunMask};
+use ostra_project::store::{cloud_path, keep_mesh, sync_folder, version_in_force, votes_path};
+use ostra_project::{Edit, FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
 
 /// What a correction comes to.
 #[derive(Default)]
@@ -55,7 +56,7 @@ pub(super) struct Correcting {
 
 impl Session {
     /// Gives the pixels of all masks that see some points another label, and the points with them, in one step.
-    pub(in crate::session) fn correct_cloud(&mut self, correction: &CloudCorrection) -> Result<JobId> {
+    pub(crate) fn correct_cloud(&mut self, correction: &CloudCorrection) -> Result<JobId> {
         let project = self.snapshot()?;
         let label = correction.change.label();
         let title = match label {

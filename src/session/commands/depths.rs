@@ -7,10 +7,10 @@ use rayon::prelude::*;
 use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
 
 use super::undistorted::left_out;
-use crate::engine::disk::AtomicFile;
-use crate::engine::job::Progress;
-use crate::frames::{DepthMap, FrameError, FrameStore};
-use crate::session::Project;
+use ostra_core::disk::AtomicFile;
+use ostra_core::job::Progress;
+use ostra_frames::{DepthMap, FrameError, FrameStore};
+use ostra_project::Project;
 
 /// Writes the depth of every frame that has any as a 32-bit float TIFF in world units, 0 = unknown. Depths that cannot be
 /// read are left out; a warning names them.

@@ -4,20 +4,22 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::engine::job::Progress;
-use crate::frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
-use crate::frames::{Frame, FrameStore};
-use crate::masks::{Label, LabelId, LabelTree, MaskFormat};
-use crate::scene::LabelledCloud;
-use crate::scene::formats::{CloudFormat, MeshFormat, VoxelFormat, origin_path, save_origin};
-use crate::scene::fuse::Votes;
-use crate::scene::measure::LengthUnit;
-use crate::scene::ply::{label_paths, read_ply, twin_path};
-use crate::session::cloud::read_votes_on;
-use crate::session::export_targets::ExportTargets;
-use crate::session::jobs::{Kind, Landing};
-use crate::session::store::{cloud_path, read_sparse, version_in_force, votes_path};
-use crate::session::{ExportRequest, JobId, Project, ResultKind, Session};
+use crate::Session;
+use crate::cloud::read_votes_on;
+use crate::{Kind, Landing};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat, origin_path, save_origin};
+use ostra_cloud::fuse::Votes;
+use ostra_cloud::measure::LengthUnit;
+use ostra_cloud::ply::{label_paths, read_ply, twin_path};
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
+use ostra_frames::{Frame, FrameStore};
+use ostra_masks::{Label, LabelId, LabelTree, MaskFormat};
+use ostra_project::export_targets::ExportTargets;
+use ostra_project::store::{cloud_path, read_sparse, version_in_force, votes_path};
+use ostra_project::{ExportRequest, Project, ResultKind};
 
 /// What an export reads: snapshots.
 pub(super) struct Sources {
@@ -41,7 +43,7 @@ pub(super) struct Sources {
 }
 
 impl Session {
-    pub(in crate::session) fn export(&mut self, request: &ExportRequest) -> Result<JobId> {
+    pub(crate) fn export(&mut self, request: &ExportRequest) -> Result<JobId> {
         let sources = self.export_sources()?;
         check(request, &sources)?;
         let targets = ExportTargets::of(&sources.project, sources.root.as_deref(), request.overwrite);

@@ -7,24 +7,27 @@ use anyhow::{Context, Result, ensure};
 
 use super::surface::{Made, Sources};
 use super::voted_before::{VotedBefore, geometry_digest};
-use crate::engine::disk::AtomicFile;
-use crate::engine::job::Progress;
-use crate::frames::{DepthSource, Frame, FrameStore};
-use crate::masks::Label;
-use crate::scene::fuse::{
+use crate::Event;
+use crate::Session;
+use crate::{Kind, Landing};
+use ostra_cloud::fuse::{
     ChosenVoxel, Dropped, FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto, vote_seen, write_votes,
 };
-use crate::scene::ply::{Coloring, read_ply, save_ply};
-use crate::scene::stereo::{DenseCloud, FusionOptions, ViewOutcome, fuse_depths};
-use crate::session::jobs::{Kind, Landing};
-use crate::session::store::{DepthFolder, cloud_path, sync_folder, version_in_force, votes_path};
-use crate::session::{Coordinates, Edit, Event, FuseRequest, JobId, Project, ResultKind, ResultRecord, Session};
+use ostra_cloud::ply::{Coloring, read_ply, save_ply};
+use ostra_core::disk::AtomicFile;
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_frames::{DepthSource, Frame, FrameStore};
+use ostra_masks::Label;
+use ostra_project::store::{DepthFolder, cloud_path, sync_folder, version_in_force, votes_path};
+use ostra_project::{Coordinates, Edit, FuseRequest, Project, ResultKind, ResultRecord};
+use ostra_reconstruct::stereo::{DenseCloud, FusionOptions, ViewOutcome, fuse_depths};
 
 /// Points that stereo's depths give at most where no voxel size is given.
 const STEREO_POINTS: usize = 4_000_000;
 
 impl Session {
-    pub(in crate::session) fn fuse(&mut self, request: &FuseRequest) -> Result<JobId> {
+    pub(crate) fn fuse(&mut self, request: &FuseRequest) -> Result<JobId> {
         self.check_no_long_job()?;
         let edits = self.snapshot()?.move_origin_near_cameras();
         if !edits.is_empty() {

@@ -4,15 +4,16 @@ use anyhow::{Result, ensure};
 
 use super::paint::{by_hand, mask_of};
 use super::prompt::{answer, unread_depth, with_answer};
-use crate::masks::{Label, LabelId, LabelTree, Prompt};
-use crate::session::jobs::{Kind, Landing};
-use crate::session::{
-    Edit, Event, FoundThing, GroundRequest, Grounding, JobId, Project, PromptRequest, Session, TakeRequest, engines,
-};
+use crate::Event;
+use crate::{FoundThing, GroundRequest, Grounding, PromptRequest, Session, TakeRequest, engines};
+use crate::{Kind, Landing};
+use ostra_core::job::JobId;
+use ostra_masks::{Label, LabelId, LabelTree, Prompt};
+use ostra_project::{Edit, Project};
 
 impl Session {
     /// Looks for what words name; what is found is offered, nothing changes.
-    pub(in crate::session) fn ground(&mut self, request: &GroundRequest) -> Result<JobId> {
+    pub(crate) fn ground(&mut self, request: &GroundRequest) -> Result<JobId> {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
         ensure!(!request.phrases.is_empty(), "there is no word to look for; name what is to be found");
@@ -21,9 +22,9 @@ impl Session {
         Ok(self.start("Look for words", Kind::Short, move |link| {
             let grounder = engines::grounder(&request.grounder)?;
             link.progress.stage("look")?;
-            let wish = crate::masks::GroundRequest { phrases: &request.phrases, threshold: request.threshold };
+            let wish = ostra_masks::GroundRequest { phrases: &request.phrases, threshold: request.threshold };
             let found = grounder.ground(&*store.image(&frame)?, &wish, &link.progress)?;
-            let thing = |found: crate::masks::Grounded| FoundThing {
+            let thing = |found: ostra_masks::Grounded| FoundThing {
                 phrase: request.phrases[found.phrase].clone(),
                 extent: found.extent,
                 score: found.score,
@@ -40,7 +41,7 @@ impl Session {
     }
 
     /// Makes an instance of its phrase's label of each thing, and masks of their boxes: one step.
-    pub(in crate::session) fn take_found(&mut self, request: &TakeRequest) -> Result<JobId> {
+    pub(crate) fn take_found(&mut self, request: &TakeRequest) -> Result<JobId> {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
         ensure!(!request.things.is_empty(), "nothing was named to be taken");

@@ -6,17 +6,19 @@ use glam::Vec3;
 use super::correct::Correcting;
 use super::paint::label_name;
 use super::range::changed;
-use crate::engine::job::Progress;
-use crate::masks::{Label, LabelId, LabelTree, RunMask};
-use crate::scene::LabelledCloud;
-use crate::scene::fuse::Votes;
-use crate::scene::instances::{Instances, find_instances, split_mask};
-use crate::session::{Edit, InstancesRequest, JobId, Project, Session};
+use crate::{InstancesRequest, Session};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::fuse::Votes;
+use ostra_cloud::instances::{Instances, find_instances, split_mask};
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_masks::{Label, LabelId, LabelTree, RunMask};
+use ostra_project::{Edit, Project};
 
 impl Session {
     /// Makes a label below `label` for each group of its points that hangs together, gives it the pixels that see these
     /// points in every mask, and the points of the cloud with them, in one step.
-    pub(in crate::session) fn instances(&mut self, request: &InstancesRequest) -> Result<JobId> {
+    pub(crate) fn instances(&mut self, request: &InstancesRequest) -> Result<JobId> {
         request.options.check()?;
         let project = self.snapshot()?;
         let title = format!("Instances of {}", label_name(&project, request.label)?);
@@ -47,7 +49,7 @@ impl Correcting {
 }
 
 /// Instances of a label, and what they would change.
-pub(in crate::session) struct FoundInstances {
+pub(crate) struct FoundInstances {
     /// Their labels, the largest first.
     pub labels: Vec<Label>,
     /// Points of each.
@@ -57,7 +59,7 @@ pub(in crate::session) struct FoundInstances {
 }
 
 /// Looks for instances among the points that carry the label itself.
-pub(in crate::session) fn found_instances(
+pub(crate) fn found_instances(
     tree: &LabelTree,
     cloud: &LabelledCloud,
     request: &InstancesRequest,

@@ -2,16 +2,12 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::masks::{Label, LabelId, LabelTree};
-use crate::session::{Edit, FrameMask, Marks, Project, Session};
+use crate::Session;
+use ostra_masks::{Label, LabelId, LabelTree};
+use ostra_project::{Edit, FrameMask, Marks, Project};
 
 impl Session {
-    pub(in crate::session) fn add_label(
-        &mut self,
-        name: &str,
-        parent: Option<&str>,
-        color: Option<[u8; 3]>,
-    ) -> Result<()> {
+    pub(crate) fn add_label(&mut self, name: &str, parent: Option<&str>, color: Option<[u8; 3]>) -> Result<()> {
         let project = self.snapshot()?;
         let id = project.labels.next_id();
         ensure!(id != LabelId::NONE, "all 65535 label ids are taken; remove a label first");
@@ -24,14 +20,14 @@ impl Session {
         self.commit(&format!("Add label {}", label.name), vec![Edit::SetLabel { id, label: Some(label) }])
     }
 
-    pub(in crate::session) fn edit_label(&mut self, label: &Label) -> Result<()> {
+    pub(crate) fn edit_label(&mut self, label: &Label) -> Result<()> {
         let project = self.snapshot()?;
         let before = project.labels.get(label.id).with_context(|| format!("there is no label {}", label.id.0))?;
         let title = format!("Change label {}", before.name);
         self.commit(&title, vec![Edit::SetLabel { id: label.id, label: Some(label.clone()) }])
     }
 
-    pub(in crate::session) fn remove_label(&mut self, id: LabelId) -> Result<()> {
+    pub(crate) fn remove_label(&mut self, id: LabelId) -> Result<()> {
         let project = self.snapshot()?;
         let name = &project.labels.get(id).with_context(|| format!("there is no label {}", id.0))?.name;
         let mut edits = vec![];

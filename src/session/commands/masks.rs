@@ -4,14 +4,16 @@ use std::sync::Arc;
 use anyhow::{Result, ensure};
 
 use super::paint::anchor_of;
-use crate::engine::job::Progress;
-use crate::masks::{Imported, MaskFormat, MaskFrame, RunMask, export_masks, file_stems, import_masks};
-use crate::session::export_targets::ExportTargets;
-use crate::session::jobs::{Kind, Landing};
-use crate::session::{Edit, JobId, Project, Session};
+use crate::Session;
+use crate::{Kind, Landing};
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_masks::{Imported, MaskFormat, MaskFrame, RunMask, export_masks, file_stems, import_masks};
+use ostra_project::export_targets::ExportTargets;
+use ostra_project::{Edit, Project};
 
 impl Session {
-    pub(in crate::session) fn import_masks(&mut self, dir: &Path, format: &str) -> Result<JobId> {
+    pub(crate) fn import_masks(&mut self, dir: &Path, format: &str) -> Result<JobId> {
         let (project, dir) = (self.snapshot()?, dir.to_owned());
         let format: MaskFormat = format.parse()?;
         Ok(self.start("Import masks", Kind::Short, move |link| {
@@ -37,7 +39,7 @@ impl Session {
         Ok(())
     }
 
-    pub(in crate::session) fn export_masks(&mut self, dir: &Path, format: &str, overwrite: bool) -> Result<JobId> {
+    pub(crate) fn export_masks(&mut self, dir: &Path, format: &str, overwrite: bool) -> Result<JobId> {
         let (project, dir) = (self.snapshot()?, dir.to_owned());
         let format: MaskFormat = format.parse()?;
         ensure!(!project.masks.is_empty(), "no frame has a mask; prompt, paint or track first");

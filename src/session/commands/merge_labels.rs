@@ -4,13 +4,15 @@ use anyhow::{Context, Result, ensure};
 
 use super::paint::{check_unlocked, label_name};
 use super::range::merge;
-use crate::masks::{Label, LabelId};
-use crate::session::store::version_in_force;
-use crate::session::{Edit, JobId, Marks, Project, RangeChange, RangeRequest, ResultKind, Session};
+use crate::{RangeChange, RangeRequest, Session};
+use ostra_core::job::JobId;
+use ostra_masks::{Label, LabelId};
+use ostra_project::store::version_in_force;
+use ostra_project::{Edit, Marks, Project, ResultKind};
 
 impl Session {
     /// Makes two labels one on all frames and in the cloud, in one step; a job where there is a cloud to vote again.
-    pub(in crate::session) fn merge_labels(&mut self, label: LabelId, into: LabelId) -> Result<Option<JobId>> {
+    pub(crate) fn merge_labels(&mut self, label: LabelId, into: LabelId) -> Result<Option<JobId>> {
         let project = self.snapshot()?;
         let title = format!("Merge {} into {}", label_name(&project, label)?, label_name(&project, into)?);
         let edits = merged(&project, label, into)?;

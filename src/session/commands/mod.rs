@@ -1,6 +1,4 @@
 //! What each `Command` does: one file a group, each an `impl Session`.
-//!
-//! May use: what `session` may. Must not touch: the folder on disk but through `OpenProject`.
 
 mod accept;
 mod adopt;
@@ -40,11 +38,11 @@ mod undo;
 mod voted_before;
 
 pub(super) use accept::by_vote;
-pub(super) use choice::LabelChoice;
+pub use choice::LabelChoice;
 use folders::make_folder_of;
 pub(super) use instances::{FoundInstances, found_instances};
 #[cfg(test)]
 pub(super) use paint::by_hand;
-pub(super) use paint::{anchor, mask_of};
-pub(super) use prompt::{answer, corrects, with_answer};
-pub(super) use track::{TrackRun, carried, track_request};
+pub use paint::{anchor, mask_of};
+pub use prompt::{answer, corrects, with_answer};
+pub use track::{TrackRun, carried, track_request};

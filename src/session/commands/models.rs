@@ -3,12 +3,12 @@ use std::path::Path;
 use anyhow::{Context, Result};
 
 use super::export::Sources;
-use crate::engine::job::Progress;
-use crate::scene::formats::{MeshFormat, VoxelFormat, save_origin};
-use crate::scene::fuse::ProjectViews;
-use crate::scene::ply::{Coloring, label_paths, read_mesh, save_per_label, twin_path};
-use crate::scene::{LabelledCloud, LabelledMesh, SceneError, fill_interior, voxelize};
-use crate::session::ExportRequest;
+use ostra_cloud::formats::{MeshFormat, VoxelFormat, save_origin};
+use ostra_cloud::fuse::ProjectViews;
+use ostra_cloud::ply::{Coloring, label_paths, read_mesh, save_per_label, twin_path};
+use ostra_cloud::{LabelledCloud, LabelledMesh, SceneError, fill_interior, voxelize};
+use ostra_core::job::Progress;
+use ostra_project::ExportRequest;
 
 /// Writes the surface that was made with the cloud, under the label names of today: every triangle in one label. Returns
 /// warnings: where more triangles are left than were asked for, and what positions are relative to.

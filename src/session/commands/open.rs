@@ -3,17 +3,21 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::engine::job::Progress;
-use crate::frames::cameras::{GivenCameras, attach_intrinsics};
-use crate::frames::{self, Frame, FrameStore, OpenRequest, Opened, PictureSource};
-use crate::session::jobs::{Kind, Landing};
-use crate::session::origin::{make_relative, origin_near};
-use crate::session::session::PIXEL_BYTES;
-use crate::session::store::{Folder, Loaded, LockError};
-use crate::session::{Coordinates, Edit, Event, JobId, NewProject, OpenProject, Project, Session};
+use crate::Event;
+use crate::session::PIXEL_BYTES;
+use crate::{Kind, Landing};
+use crate::{NewProject, Session};
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_frames::cameras::{GivenCameras, attach_intrinsics};
+use ostra_frames::{self, Frame, FrameStore, OpenRequest, Opened, PictureSource};
+use ostra_project::OpenProject;
+use ostra_project::store::{Folder, Loaded, LockError};
+use ostra_project::{Coordinates, Edit, Project};
+use ostra_project::{make_relative, origin_near};
 
 impl Session {
-    pub(in crate::session) fn new_project(&mut self, new: &NewProject) -> Result<JobId> {
+    pub(crate) fn new_project(&mut self, new: &NewProject) -> Result<JobId> {
         let new = NewProject { root: full_path(&new.root)?, ..new.clone() };
         Folder::check_new(&new.root)?;
         Ok(self.start("Open frames", Kind::Short, move |link| {
@@ -27,7 +31,7 @@ impl Session {
         }))
     }
 
-    pub(in crate::session) fn open_project(&mut self, root: &Path) -> Result<JobId> {
+    pub(crate) fn open_project(&mut self, root: &Path) -> Result<JobId> {
         let root = full_path(root)?;
         ensure!(self.root() != Some(root.as_path()), "{}: is open already", root.display());
         Ok(self.start("Open project", Kind::Short, move |link| {
@@ -37,7 +41,7 @@ impl Session {
         }))
     }
 
-    pub(in crate::session) fn view_project(&mut self, root: &Path) -> Result<JobId> {
+    pub(crate) fn view_project(&mut self, root: &Path) -> Result<JobId> {
         let root = full_path(root)?;
         ensure!(self.root() != Some(root.as_path()), "{}: is open already", root.display());
         Ok(self.start("Open project", Kind::Short, move |link| {
@@ -48,7 +52,7 @@ impl Session {
     }
 
     /// What was open is closed even where its last checkpoint cannot be written: the journal has every step.
-    pub(in crate::session) fn close(&mut self) {
+    pub(crate) fn close(&mut self) {
         self.discard_jobs();
         if let Err(error) = self.save() {
             self.events.push(Event::Warning(format!("{error:#}; the project is safe in its journal")));
@@ -68,7 +72,7 @@ impl Session {
         }
     }
 
-    pub(in crate::session) fn add_frames(&mut self, new: &NewProject) -> Result<JobId> {
+    pub(crate) fn add_frames(&mut self, new: &NewProject) -> Result<JobId> {
         let project = self.snapshot()?;
         let new = new.clone();
         Ok(self.start("Add frames", Kind::Short, move |link| {
@@ -153,7 +157,7 @@ fn with_frames(mut project: Project, frames: Vec<Frame>) -> Result<Project> {
 fn read_frames(new: &NewProject, progress: &Progress) -> Result<Opened> {
     let all = OpenRequest { every: 1, from: None, to: None, ..new.open.clone() };
     let request = if new.cameras.is_some() { &all } else { &new.open };
-    let mut opened = frames::open(request, progress)?;
+    let mut opened = ostra_frames::open(request, progress)?;
     if let Some(intrinsics) = &new.intrinsics {
         attach_intrinsics(&mut opened.frames, &intrinsics.read()?)?;
     }

@@ -3,16 +3,18 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::frames::Frame;
-use crate::masks::{
+use crate::{Kind, Landing};
+use crate::{PaintRequest, PullRequest, Session};
+use ostra_core::job::JobId;
+use ostra_frames::Frame;
+use ostra_masks::{
     LabelId, LabelMask, PaintRule, Region, RunMask, assign, erase, fill_polygons, pull, snapped_stroke, stroke,
 };
-use crate::session::jobs::{Kind, Landing};
-use crate::session::{Edit, FrameMask, JobId, MaskOrigin, PaintRequest, Project, PullRequest, Session};
+use ostra_project::{Edit, FrameMask, MaskOrigin, Project};
 
 impl Session {
     /// Paints at once, but for a brush that stops at edges: it needs the picture, which is read by a job.
-    pub(in crate::session) fn paint(&mut self, request: &PaintRequest) -> Result<Option<JobId>> {
+    pub(crate) fn paint(&mut self, request: &PaintRequest) -> Result<Option<JobId>> {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
         check_unlocked(&project, request.frame, request.label)?;
@@ -45,7 +47,7 @@ impl Session {
     }
 
     /// Pulls the border of a label on a frame; where that changes no pixel nothing happens.
-    pub(in crate::session) fn pull(&mut self, request: &PullRequest) -> Result<()> {
+    pub(crate) fn pull(&mut self, request: &PullRequest) -> Result<()> {
         let project = self.snapshot()?;
         let PullRequest { frame, label, from_px, to_px, replace } = *request;
         let name = label_name(&project, label)?;
@@ -59,7 +61,7 @@ impl Session {
         self.commit(&format!("Pull border of {name} on frame {frame}"), edits)
     }
 
-    pub(in crate::session) fn make_anchor(&mut self, frame: usize) -> Result<()> {
+    pub(crate) fn make_anchor(&mut self, frame: usize) -> Result<()> {
         let project = self.snapshot()?;
         project.frame(frame)?;
         let mask =
@@ -71,7 +73,7 @@ impl Session {
         self.commit(&format!("Make frame {frame} an anchor"), vec![Edit::SetMask { frame, mask: Some(mask) }])
     }
 
-    pub(in crate::session) fn clear_mask(&mut self, frame: usize) -> Result<()> {
+    pub(crate) fn clear_mask(&mut self, frame: usize) -> Result<()> {
         let project = self.snapshot()?;
         project.frame(frame)?;
         project.locked_on(frame).into_iter().try_for_each(|label| check_unlocked(&project, frame, label))?;

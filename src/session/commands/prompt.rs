@@ -3,20 +3,24 @@ use std::sync::Arc;
 use anyhow::{Result, ensure};
 
 use super::paint::{anchor, by_hand, check_unlocked, label_name, mask_of};
-use crate::engine::job::Progress;
-use crate::frames::{Frame, FrameStore};
-use crate::masks::{
+use crate::Event;
+use crate::engines::geometry_segmenter;
+use crate::{Kind, Landing};
+use crate::{PromptRequest, Session, engines};
+use ostra_cloud::SceneError;
+use ostra_cloud::fuse::{naming, readable};
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_frames::{Frame, FrameStore};
+use ostra_masks::{
     Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, landmarks,
     taken_by_others,
 };
-use crate::scene::fuse::{naming, readable};
-use crate::scene::{GeometrySegmenter, SceneError};
-use crate::session::engines::geometry_segmenter;
-use crate::session::jobs::{Kind, Landing};
-use crate::session::{Edit, Event, JobId, Project, PromptRequest, Session, engines};
+use ostra_project::{Edit, Project};
+use ostra_tracking::bodies::GeometrySegmenter;
 
 impl Session {
-    pub(in crate::session) fn prompt(&mut self, request: &PromptRequest) -> Result<Option<JobId>> {
+    pub(crate) fn prompt(&mut self, request: &PromptRequest) -> Result<Option<JobId>> {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
         check_unlocked(&project, request.frame, request.label)?;
@@ -53,7 +57,7 @@ impl Session {
             return;
         }
         let Ok(segmenter) = engines::previewer(segmenter, self.geometry_for(&project)) else { return };
-        self.jobs.iter().filter(|job| job.title == PREPARE).for_each(crate::session::jobs::Job::stop);
+        self.jobs.iter().filter(|job| job.title == PREPARE).for_each(crate::jobs::Job::stop);
         self.preparing = Some(name.clone());
         let (prepared, store) = (Arc::clone(&self.prepared), Arc::clone(&self.store));
         self.start(PREPARE, Kind::Background, move |link| {
@@ -75,7 +79,7 @@ impl Session {
     }
 
     /// The segmenter that knows where a project's frames were taken from.
-    pub(in crate::session) fn geometry_for(&mut self, project: &Project) -> Arc<GeometrySegmenter> {
+    pub(crate) fn geometry_for(&mut self, project: &Project) -> Arc<GeometrySegmenter> {
         let kept = self.geometry.take().filter(|kept| kept.is_for(&project.frames));
         let make = || geometry_segmenter(Arc::clone(&project.frames), Arc::clone(&self.store));
         Arc::clone(self.geometry.insert(kept.unwrap_or_else(make)))

@@ -3,10 +3,13 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 
 use super::prompt::unread_depth;
-use crate::masks::{LabelId, LabelMask, Proposal};
-use crate::session::jobs::{Kind, Landing};
-use crate::session::suggestion::Reason;
-use crate::session::{Event, JobId, Project, Session, Suggestion, engines};
+use crate::Event;
+use crate::suggestion::Reason;
+use crate::{Kind, Landing};
+use crate::{Session, Suggestion, engines};
+use ostra_core::job::JobId;
+use ostra_masks::{LabelId, LabelMask, Proposal};
+use ostra_project::Project;
 
 /// Most proposals that are offered.
 const MOST: usize = 40;
@@ -15,7 +18,7 @@ const EXPLAINED: f64 = 0.5;
 
 impl Session {
     /// Offers what a segmenter takes for things on a frame, in the place of earlier suggestions; nothing changes.
-    pub(in crate::session) fn propose(&mut self, frame: usize, segmenter: &str) -> Result<JobId> {
+    pub(crate) fn propose(&mut self, frame: usize, segmenter: &str) -> Result<JobId> {
         let project = self.snapshot()?;
         let of = project.frame(frame)?.clone();
         let segmenter = engines::previewer(segmenter, self.geometry_for(&project))?;
@@ -56,8 +59,8 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::masks::{PxBox, Region, RunMask};
-    use crate::session::{FrameMask, MaskOrigin};
+    use ostra_masks::{PxBox, Region, RunMask};
+    use ostra_project::{FrameMask, MaskOrigin};
 
     /// A square of 10 × 10 pixels from a corner, in a picture of 40 × 30.
     fn square(x0: usize, y0: usize) -> Region {

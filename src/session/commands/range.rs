@@ -6,14 +6,16 @@ use anyhow::{Context, Result, ensure};
 use super::blend::blended;
 use super::paint::{anchor_of, label_name};
 use super::split::{Cut, split};
-use crate::frames::FrameSet;
-use crate::masks::{Click, LabelId, Prompt, RunMask, transfer};
-use crate::session::jobs::{Kind, Landing};
-use crate::session::{Edit, FrameMask, JobId, Marks, MaskOrigin, Project, RangeChange, RangeRequest, Session};
+use crate::{Kind, Landing};
+use crate::{RangeChange, RangeRequest, Session};
+use ostra_core::job::JobId;
+use ostra_frames::FrameSet;
+use ostra_masks::{Click, LabelId, Prompt, RunMask, transfer};
+use ostra_project::{Edit, FrameMask, Marks, MaskOrigin, Project};
 
 impl Session {
     /// Changes labels over a range of frames, in one step. Pixels of other labels, and labels that are locked, stay.
-    pub(in crate::session) fn change_range(&mut self, request: &RangeRequest) -> Result<Option<JobId>> {
+    pub(crate) fn change_range(&mut self, request: &RangeRequest) -> Result<Option<JobId>> {
         let project = self.snapshot()?;
         let labels = checked(&project, request)?;
         let title = title(&project, request, &labels)?;

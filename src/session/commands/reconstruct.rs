@@ -4,10 +4,12 @@ use anyhow::{Result, ensure};
 
 use super::cameras::{CameraWork, Finder, Poses};
 use super::stereo::{StereoWork, make_depths};
-use crate::engine::job::Stopped;
-use crate::frames::Frame;
-use crate::session::jobs::{Kind, Landing};
-use crate::session::{Edit, JobId, Project, ReconstructMethod, ReconstructRequest, ResultKind, ResultRecord, Session};
+use crate::Session;
+use crate::{Kind, Landing};
+use ostra_core::job::JobId;
+use ostra_core::job::Stopped;
+use ostra_frames::Frame;
+use ostra_project::{Edit, Project, ReconstructMethod, ReconstructRequest, ResultKind, ResultRecord};
 
 /// What a reconstruction comes down to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,7 +22,7 @@ enum Way {
 
 impl Session {
     /// Finds cameras that are missing and makes depths by stereo; takes given poses and depths as they are.
-    pub(in crate::session) fn reconstruct(&mut self, request: &ReconstructRequest) -> Result<JobId> {
+    pub(crate) fn reconstruct(&mut self, request: &ReconstructRequest) -> Result<JobId> {
         self.check_no_long_job()?;
         let project = self.snapshot()?;
         match way(&project, request)? {

@@ -3,16 +3,19 @@ use std::path::{Path, PathBuf, absolute};
 
 use anyhow::{Context, Result, bail};
 
-use crate::frames::{Frame, check_source, sources, sources_mut};
-use crate::session::jobs::Kind;
-use crate::session::store::joined;
-use crate::session::{Edit, Event, JobId, Session};
+use crate::Event;
+use crate::Kind;
+use crate::Session;
+use ostra_core::job::JobId;
+use ostra_frames::{Frame, check_source, sources, sources_mut};
+use ostra_project::Edit;
+use ostra_project::store::joined;
 
 /// How many folders of sources a message names.
 const NAMED: usize = 3;
 
 impl Session {
-    pub(in crate::session) fn relocate(&mut self, from: &Path, to: &Path) -> Result<JobId> {
+    pub(crate) fn relocate(&mut self, from: &Path, to: &Path) -> Result<JobId> {
         let project = self.snapshot()?;
         let (from, to) = (plain(from)?, plain(to)?);
         Ok(self.start("Look for moved frames", Kind::Short, move |link| {

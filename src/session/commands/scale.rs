@@ -2,10 +2,13 @@ use anyhow::{Context, Result, ensure};
 use glam::{DVec2, DVec3};
 
 use super::scaled_results::{ScaledResults, Scaling};
-use crate::geometry::{Sighting, triangulate};
-use crate::scene::measure::LengthUnit;
-use crate::session::jobs::{Kind, Landing};
-use crate::session::{Event, JobId, Project, ResultKind, ScaleEnd, ScaleRequest, Session};
+use crate::Event;
+use crate::Session;
+use crate::{Kind, Landing};
+use ostra_cloud::measure::LengthUnit;
+use ostra_core::job::JobId;
+use ostra_geometry::{Sighting, triangulate};
+use ostra_project::{Project, ResultKind, ScaleEnd, ScaleRequest};
 
 /// How many times larger or smaller one step, and all steps together, may make the scene: positions are 32-bit floats.
 const LARGEST_STEP: f64 = 1e6;
@@ -13,7 +16,7 @@ const LARGEST: f64 = 1e12;
 
 impl Session {
     /// Makes cameras, depths, points and surfaces larger or smaller until a length in the scene is what it is known to be.
-    pub(in crate::session) fn scale(&mut self, request: &ScaleRequest) -> Result<JobId> {
+    pub(crate) fn scale(&mut self, request: &ScaleRequest) -> Result<JobId> {
         self.check_no_long_job()?;
         let project = self.snapshot()?;
         let factor = factor(&project, request)?;

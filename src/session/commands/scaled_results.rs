@@ -7,19 +7,19 @@ use anyhow::{Context, Result};
 use rayon::prelude::*;
 
 use super::voted_before::geometry_digest;
-use crate::engine::job::Progress;
-use crate::frames::cameras::{ModelEncoding, read_sparse_model, write_colmap_model};
-use crate::frames::{DepthSource, Frame, MadeDepth};
-use crate::scene::LabelledCloud;
-use crate::scene::fuse::Votes;
-use crate::scene::measure::LengthUnit;
-use crate::scene::ply::{Coloring, read_mesh, read_ply, save_mesh, save_ply};
-use crate::session::cloud::read_votes_on;
-use crate::session::store::{
+use crate::cloud::read_votes_on;
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::fuse::Votes;
+use ostra_cloud::measure::LengthUnit;
+use ostra_cloud::ply::{Coloring, read_mesh, read_ply, save_mesh, save_ply};
+use ostra_core::job::Progress;
+use ostra_frames::cameras::{ModelEncoding, read_sparse_model, write_colmap_model};
+use ostra_frames::{DepthSource, Frame, MadeDepth};
+use ostra_project::store::{
     DepthAccount, DepthFolder, cloud_path, depth_map_path, keep_votes, load_links, load_outcomes, mesh_path, replace,
     save_links, save_outcomes, sparse_path, sync_folder, version_in_force, votes_path,
 };
-use crate::session::{Coordinates, Edit, FrameMask, FuseRequest, MaskOrigin, Project, ResultKind, ResultRecord};
+use ostra_project::{Coordinates, Edit, FrameMask, FuseRequest, MaskOrigin, Project, ResultKind, ResultRecord};
 
 /// A project's lengths are multiplied: what from, what by, and the number of the files that hold the results.
 pub(super) struct Scaling {

@@ -3,9 +3,10 @@ use glam::DVec2;
 
 use super::paint::label_name;
 use super::range::changed;
-use crate::engine::job::Progress;
-use crate::masks::{Click, Connectivity, LabelId, Prompt, Region, RunMask, components, nearer_part};
-use crate::session::{Edit, FrameMask, Project, RangeRequest};
+use crate::RangeRequest;
+use ostra_core::job::Progress;
+use ostra_masks::{Click, Connectivity, LabelId, Prompt, Region, RunMask, components, nearer_part};
+use ostra_project::{Edit, FrameMask, Project};
 
 /// Which piece of which label becomes another label.
 pub(super) struct Cut {

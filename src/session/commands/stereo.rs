@@ -7,24 +7,25 @@ use anyhow::{Result, ensure};
 use sha2::{Digest, Sha256};
 
 use super::cameras::left_out;
-use crate::engine::gpu::{Device, GpuError, Software};
-use crate::engine::job::Progress;
-use crate::frames::cameras::{ModelEncoding, SparsePoints, read_sparse_model, write_colmap_model};
-use crate::frames::{DepthSource, Frame, FrameStore};
-use crate::geometry::Camera;
-use crate::masks::LabelId;
-use crate::scene::sfm::{CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, Sift, undistort_mask};
-use crate::scene::stereo::{
+use crate::Session;
+use crate::engines::{identity, matcher};
+use crate::growing::Shown;
+use crate::jobs::Link;
+use ostra_compute::gpu::{Device, GpuError, Software};
+use ostra_core::job::Progress;
+use ostra_frames::cameras::{ModelEncoding, SparsePoints, read_sparse_model, write_colmap_model};
+use ostra_frames::{DepthSource, Frame, FrameStore};
+use ostra_geometry::Camera;
+use ostra_masks::LabelId;
+use ostra_project::store::{
+    DepthAccount, DepthFolder, depth_map_path, depth_versions, feature_cache_path, load_sparse,
+};
+use ostra_project::{Edit, Project, ReconstructRequest, ResultKind, ResultRecord};
+use ostra_reconstruct::sfm::{CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, Sift, undistort_mask};
+use ostra_reconstruct::stereo::{
     DepthStore, Engine, SparseOptions, StereoError, StereoOptions, StereoRequest, ViewOutcome, estimate_depths,
     sparse_from_cameras,
 };
-use crate::session::engines::{identity, matcher};
-use crate::session::growing::Shown;
-use crate::session::jobs::Link;
-use crate::session::store::{
-    DepthAccount, DepthFolder, depth_map_path, depth_versions, feature_cache_path, load_sparse,
-};
-use crate::session::{Edit, Project, ReconstructRequest, ResultKind, ResultRecord, Session};
 
 /// What stereo works on.
 pub(super) struct StereoWork {
@@ -97,7 +98,7 @@ impl Session {
         let notice = format!("depths: {}", record.settings);
         edits.push(Edit::SetResult { kind: ResultKind::Depths, record: Some(record) });
         self.commit("Reconstruct", edits)?;
-        self.events.push(crate::session::Event::Notice(notice));
+        self.events.push(crate::Event::Notice(notice));
         self.warn_all(warnings);
         Ok(())
     }

@@ -3,16 +3,18 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 
-use crate::engine::job::Progress;
-use crate::frames::FrameStore;
-use crate::masks::Unexplained;
-use crate::masks::builtin::standing_apart;
-use crate::masks::flow::{FlowOptions, moving_apart};
-use crate::scene::SceneError;
-use crate::scene::fuse::{naming, readable};
-use crate::session::jobs::{Kind, Landing};
-use crate::session::suggestion::Reason;
-use crate::session::{JobId, Project, Session, Suggestion};
+use crate::suggestion::Reason;
+use crate::{Kind, Landing};
+use crate::{Session, Suggestion};
+use ostra_cloud::SceneError;
+use ostra_cloud::fuse::{naming, readable};
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_frames::FrameStore;
+use ostra_masks::Unexplained;
+use ostra_masks::builtin::standing_apart;
+use ostra_project::Project;
+use ostra_tracking::flow::{FlowOptions, moving_apart};
 
 /// Frames looked at, spread over those with masks.
 const LOOKED_AT: usize = 16;
@@ -25,7 +27,7 @@ const SAME_IOU: f64 = 0.15;
 
 impl Session {
     /// Looks for things that no label explains on frames with masks.
-    pub(in crate::session) fn suggest(&mut self) -> Result<JobId> {
+    pub(crate) fn suggest(&mut self) -> Result<JobId> {
         let (project, store) = (self.snapshot()?, Arc::clone(&self.store));
         ensure!(!project.masks.is_empty(), "no frame has a mask; prompt and track first");
         Ok(self.start("Suggest", Kind::Short, move |link| {

@@ -5,15 +5,15 @@ use anyhow::Result;
 
 use super::fuse::{save_votes, stereo_version};
 use super::voted_before::VotedBefore;
-use crate::engine::job::Progress;
-use crate::frames::FrameStore;
-use crate::masks::LabelId;
-use crate::scene::fuse::{Coverage, OntoOptions, ProjectViews, SeenPoints, Votes, vote_seen};
-use crate::scene::ply::{Coloring, save_mesh};
-use crate::scene::volume::{VolumeOptions, reconstruct_surface};
-use crate::scene::{LabelledMesh, SceneError};
-use crate::session::store::{DepthFolder, mesh_path, mesh_votes_path};
-use crate::session::{FuseRequest, Project};
+use ostra_cloud::fuse::{Coverage, OntoOptions, ProjectViews, SeenPoints, Votes, vote_seen};
+use ostra_cloud::ply::{Coloring, save_mesh};
+use ostra_cloud::volume::{VolumeOptions, reconstruct_surface};
+use ostra_cloud::{LabelledMesh, SceneError};
+use ostra_core::job::Progress;
+use ostra_frames::FrameStore;
+use ostra_masks::LabelId;
+use ostra_project::store::{DepthFolder, mesh_path, mesh_votes_path};
+use ostra_project::{FuseRequest, Project};
 
 /// Memory for the voxels of a surface whose voxel size nobody gave.
 const DEFAULT_BYTES: usize = 256 << 20;

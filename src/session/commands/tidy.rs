@@ -1,11 +1,12 @@
 use anyhow::{Context, Result};
 
 use super::paint::{by_hand, check_unlocked, label_name, mask_of};
-use crate::masks::tidy;
-use crate::session::{Event, Session, TidyRequest};
+use crate::Event;
+use crate::{Session, TidyRequest};
+use ostra_masks::tidy;
 
 impl Session {
-    pub(in crate::session) fn tidy(&mut self, request: &TidyRequest) -> Result<()> {
+    pub(crate) fn tidy(&mut self, request: &TidyRequest) -> Result<()> {
         let project = self.snapshot()?;
         let (name, frame) = (label_name(&project, request.label)?, request.frame);
         check_unlocked(&project, frame, request.label)?;

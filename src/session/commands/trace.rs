@@ -3,12 +3,13 @@ use std::sync::Arc;
 use anyhow::Result;
 
 use super::paint::{by_hand, check_unlocked, label_name, mask_of, rule};
-use crate::masks::{Region, assign, trace};
-use crate::session::jobs::{Kind, Landing};
-use crate::session::{JobId, Session, TraceRequest};
+use crate::{Kind, Landing};
+use crate::{Session, TraceRequest};
+use ostra_core::job::JobId;
+use ostra_masks::{Region, assign, trace};
 
 impl Session {
-    pub(in crate::session) fn trace(&mut self, request: &TraceRequest) -> Result<JobId> {
+    pub(crate) fn trace(&mut self, request: &TraceRequest) -> Result<JobId> {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
         check_unlocked(&project, request.frame, request.label)?;

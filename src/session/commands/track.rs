@@ -6,18 +6,19 @@ use anyhow::{Result, bail, ensure};
 
 use super::choice::LabelChoice;
 use super::paint::label_name;
-use crate::frames::FrameStore;
-use crate::masks::{LabelId, RunMask, TrackRequest, TrackedFrame};
-use crate::session::jobs::{Kind, Landing};
-use crate::session::{
-    Edit, Event, FrameMask, JobId, MaskOrigin, Project, ResultKind, ResultRecord, Session, TrackSettings, engines,
-};
+use crate::Event;
+use crate::{Kind, Landing};
+use crate::{Session, TrackSettings, engines};
+use ostra_core::job::JobId;
+use ostra_frames::FrameStore;
+use ostra_masks::{LabelId, RunMask, TrackRequest, TrackedFrame};
+use ostra_project::{Edit, FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
 
 /// Tracked frames are gathered this long before they are saved together.
 const GATHERED: Duration = Duration::from_millis(300);
 
 /// A tracking run whose frames arrive one by one.
-pub(in crate::session) struct TrackRun {
+pub struct TrackRun {
     job: JobId,
     engine: &'static str,
     title: String,
@@ -38,14 +39,14 @@ pub(in crate::session) struct TrackRun {
 
 /// The frame at which a run ended by itself, and the label it was least sure of.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::session) struct Doubt {
+pub(crate) struct Doubt {
     frame: usize,
     label: LabelId,
     sure: f32,
 }
 
 impl Session {
-    pub(in crate::session) fn track(&mut self, settings: &TrackSettings) -> Result<JobId> {
+    pub(crate) fn track(&mut self, settings: &TrackSettings) -> Result<JobId> {
         self.check_no_long_job()?;
         let project = self.snapshot()?;
         let request = track_request(&project, &self.store, settings)?;
@@ -101,7 +102,7 @@ impl Session {
     }
 
     /// What is told of a run that ended by itself.
-    pub(in crate::session) fn paused(&self, job: JobId) -> Option<Event> {
+    pub(crate) fn paused(&self, job: JobId) -> Option<Event> {
         let Doubt { frame, label, sure } = self.track.as_ref().filter(|run| run.is_of(job))?.doubt?;
         let name = label_name(self.project()?, label).ok()?;
         let text = format!(
@@ -112,7 +113,7 @@ impl Session {
     }
 
     /// Makes the gathered frames part of the run's step: from time to time, and `at_end` the rest.
-    pub(in crate::session) fn save_tracked(&mut self, at_end: bool) -> Result<()> {
+    pub(crate) fn save_tracked(&mut self, at_end: bool) -> Result<()> {
         let Some(run) = self.track.as_mut().filter(|run| at_end || run.saved.elapsed() >= GATHERED) else {
             return Ok(());
         };
@@ -139,7 +140,7 @@ impl Session {
     }
 
     /// Saves what a run brought, and forgets the run: its job ended.
-    pub(in crate::session) fn end_track(&mut self, job: JobId) -> Result<()> {
+    pub(crate) fn end_track(&mut self, job: JobId) -> Result<()> {
         if self.track.as_ref().is_none_or(|run| !run.is_of(job)) {
             return Ok(());
         }
@@ -151,7 +152,7 @@ impl Session {
 
 impl TrackRun {
     /// Whether this is the run of that job.
-    pub(in crate::session) fn is_of(&self, job: JobId) -> bool {
+    pub(crate) fn is_of(&self, job: JobId) -> bool {
         self.job == job
     }
 
@@ -235,8 +236,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::session::tests::making::{anchor, project, record, tracked};
-    use crate::session::{JobId, OpenProject};
+    use ostra_core::job::JobId;
+    use ostra_project::OpenProject;
+    use ostra_project::testing::{anchor, project, record, tracked};
 
     /// A session in which the test brings a run's frames.
     fn running(folder: &tempfile::TempDir, project: Project) -> Session {

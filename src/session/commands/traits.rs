@@ -2,11 +2,11 @@ use std::path::Path;
 
 use anyhow::Result;
 
-use crate::engine::job::Progress;
-use crate::scene::LabelledCloud;
-use crate::scene::measure::{LengthUnit, MeasureOptions, measure, measure_angles, traits_csv};
-use crate::session::ExportRequest;
-use crate::session::store::replace;
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::measure::{LengthUnit, MeasureOptions, measure, measure_angles, traits_csv};
+use ostra_core::job::Progress;
+use ostra_project::ExportRequest;
+use ostra_project::store::replace;
 
 /// Measures every label of a cloud and the angles asked for, and writes the table, lengths in the unit asked for or else in the scene's.
 pub fn write(

@@ -7,13 +7,13 @@ use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use rayon::prelude::*;
 
-use crate::engine::disk;
-use crate::engine::job::Progress;
-use crate::frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
-use crate::frames::{Frame, FrameCamera, FrameError, FrameStore, Image, Orientation, PictureSource};
-use crate::masks::{RunMask, encode_palette_png};
-use crate::scene::sfm::{undistort_image, undistort_mask, undistorted_camera};
-use crate::session::Project;
+use ostra_core::disk;
+use ostra_core::job::Progress;
+use ostra_frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
+use ostra_frames::{Frame, FrameCamera, FrameError, FrameStore, Image, Orientation, PictureSource};
+use ostra_masks::{RunMask, encode_palette_png};
+use ostra_project::Project;
+use ostra_reconstruct::sfm::{undistort_image, undistort_mask, undistorted_camera};
 
 /// Writes every frame that has a camera as a pinhole camera sees it: `images/` upright as PNG, `masks/` by nearest id,
 /// `sparse/` the cameras and points (COLMAP text). Frames whose image cannot be read are left out; a warning names them.

@@ -1,16 +1,17 @@
 use anyhow::Result;
 
-use crate::session::{OpenProject, Session};
+use crate::Session;
+use ostra_project::OpenProject;
 
 impl Session {
-    pub(in crate::session) fn undo(&mut self) -> Result<()> {
+    pub(crate) fn undo(&mut self) -> Result<()> {
         self.stop_growing_run();
         self.opened()?.undo()?;
         self.tell_changed();
         Ok(())
     }
 
-    pub(in crate::session) fn redo(&mut self) -> Result<()> {
+    pub(crate) fn redo(&mut self) -> Result<()> {
         self.opened()?.redo()?;
         self.tell_changed();
         Ok(())

@@ -5,14 +5,14 @@ use std::time::SystemTime;
 use anyhow::{Context, Result};
 use sha2::{Digest, Sha256};
 
-use crate::engine::job::Progress;
-use crate::frames::Frame;
-use crate::scene::fuse::{Fused, ProjectViews, Votes, vote_again};
-use crate::scene::ply::{read_mesh, read_ply};
-use crate::scene::{LabelledCloud, LabelledMesh};
-use crate::session::cloud::read_votes_on;
-use crate::session::store::{cloud_path, mesh_path, mesh_votes_path, version_in_force, votes_path};
-use crate::session::{FuseRequest, Project, ResultKind, ResultRecord};
+use crate::cloud::read_votes_on;
+use ostra_cloud::fuse::{Fused, ProjectViews, Votes, vote_again};
+use ostra_cloud::ply::{read_mesh, read_ply};
+use ostra_cloud::{LabelledCloud, LabelledMesh};
+use ostra_core::job::Progress;
+use ostra_frames::Frame;
+use ostra_project::store::{cloud_path, mesh_path, mesh_votes_path, version_in_force, votes_path};
+use ostra_project::{FuseRequest, Project, ResultKind, ResultRecord};
 
 /// Number of the way in which points and surfaces are made; another number makes them again.
 const FUSION: u32 = 2;

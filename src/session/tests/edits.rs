@@ -1,9 +1,9 @@
 use proptest::prelude::*;
 
 use super::making::{anchor, camera, frame, label, mask, project, record, tracked};
-use crate::frames::{DepthSource, FrameSet};
-use crate::masks::{Click, LabelId, Prompt};
-use crate::session::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind};
+use ostra_frames::{DepthSource, FrameSet};
+use ostra_masks::{Click, LabelId, Prompt};
+use ostra_project::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind};
 
 fn prompt(x: f64) -> Prompt {
     Prompt { clicks: vec![Click { at_px: glam::DVec2::new(x, 1.1), include: x < 1.0 }], ..Prompt::default() }
@@ -39,7 +39,7 @@ pub fn any_edit() -> impl Strategy<Value = Edit> {
     let id = 0u16..4;
     prop_oneof![
         (id.clone(), any::<bool>(), "[ab]{1}", proptest::option::of(1u16..4)).prop_map(|(id, some, name, parent)| {
-            let made = crate::masks::Label { parent: parent.map(LabelId), ..label(id, &name) };
+            let made = ostra_masks::Label { parent: parent.map(LabelId), ..label(id, &name) };
             Edit::SetLabel { id: LabelId(id), label: some.then_some(made) }
         }),
         (number.clone(), id, proptest::option::of(0.0..4.0)).prop_map(|(frame, id, x)| Edit::SetPrompt {
@@ -62,7 +62,7 @@ pub fn any_edit() -> impl Strategy<Value = Edit> {
         (0usize..8).prop_map(|keep| Edit::DropFrames { keep }),
         (number, 4u32..6).prop_map(|(at, width)| {
             let names = ["a/0.png", "a/1.png", "b/0.png", "b/1.jpg", "b/1.png", "c", "d"];
-            Edit::SetFrame { frame: at, value: Box::new(crate::frames::Frame { width, ..frame(names[at]) }) }
+            Edit::SetFrame { frame: at, value: Box::new(ostra_frames::Frame { width, ..frame(names[at]) }) }
         }),
         (any_kind(), proptest::option::of("geometry|flow"))
             .prop_map(|(kind, engine)| Edit::SetResult { kind, record: engine.as_deref().map(record) }),
@@ -126,7 +126,7 @@ fn what_cannot_be_is_refused() {
         let error = project.apply(edit.clone()).expect_err(&format!("{edit:?}"));
         assert!(!error.to_string().contains('\n'), "{error}");
     }
-    let smaller = crate::masks::RunMask::empty(2, 2);
+    let smaller = ostra_masks::RunMask::empty(2, 2);
     let mask = FrameMask { runs: smaller.into(), ..anchor([0; 3]) };
     let error = project.apply(Edit::SetMask { frame: 0, mask: Some(mask) }).unwrap_err().to_string();
     assert_eq!(error, "a/0.png: the mask has 2×2 pixels, the frame 4×3; give a mask of the frame's size");

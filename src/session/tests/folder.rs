@@ -2,12 +2,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::making::{anchor, perform, pictures, project, record, tracked};
-use crate::engine::job::Progress;
-use crate::frames::{FrameFolder, OpenRequest};
-use crate::scene::LabelledCloud;
-use crate::scene::ply::{Coloring, save_ply};
-use crate::session::store::{Folder, Loaded, cloud_path};
-use crate::session::{Command, Edit, NewProject, OpenProject, ResultKind, ResultRecord, Session};
+use crate::{Command, NewProject, Session};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::ply::{Coloring, save_ply};
+use ostra_core::job::Progress;
+use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_project::OpenProject;
+use ostra_project::store::{Folder, Loaded, cloud_path};
+use ostra_project::{Edit, ResultKind, ResultRecord};
 
 fn open(root: &Path) -> anyhow::Result<Loaded> {
     Folder::open(root, &Progress::default())

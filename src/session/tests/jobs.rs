@@ -3,8 +3,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::making::{frame, perform};
-use crate::session::jobs::{Kind, Landing, Link};
-use crate::session::{Edit, Event, OpenProject, Project, Session};
+use crate::Event;
+use crate::Session;
+use crate::{Kind, Landing, jobs::Link};
+use ostra_project::OpenProject;
+use ostra_project::{Edit, Project};
 
 fn opened(folder: &tempfile::TempDir) -> Session {
     let mut session = Session::new();
@@ -71,7 +74,7 @@ fn a_stopped_job_keeps_its_pieces() {
     };
     session.start("Endless", Kind::Long, work);
     assert!(session.check_no_long_job().unwrap_err().to_string().contains("'Endless' is still running"));
-    let stop = |jobs: &[crate::session::JobView]| match jobs[0].report.done {
+    let stop = |jobs: &[crate::JobView]| match jobs[0].report.done {
         0 => ControlFlow::Continue(()),
         _ => ControlFlow::Break(()),
     };
@@ -107,7 +110,7 @@ fn what_a_closed_project_was_waiting_for_is_not_taken_in() {
     let mut session = opened(&folder);
     let root = session.root().unwrap().to_owned();
     session.start("Late", Kind::Long, |_| Ok(Box::new(add("late")) as Landing));
-    perform(&mut session, crate::session::Command::Close).unwrap();
-    perform(&mut session, crate::session::Command::Open(root)).unwrap();
+    perform(&mut session, crate::Command::Close).unwrap();
+    perform(&mut session, crate::Command::Open(root)).unwrap();
     assert_eq!(count(&session), 0);
 }

@@ -4,12 +4,11 @@ use std::path::Path;
 use glam::DVec2;
 
 use super::making::{perform, pictures};
-use crate::frames::{FrameFolder, OpenRequest};
-use crate::masks::{Click, LabelId, LabelMask, Prompt};
-use crate::session::{
-    Command, Event, MaskOrigin, NewProject, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest,
-    Session,
-};
+use crate::Event;
+use crate::{Command, NewProject, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest, Session};
+use ostra_frames::{FrameFolder, OpenRequest};
+use ostra_masks::{Click, LabelId, LabelMask, Prompt};
+use ostra_project::MaskOrigin;
 
 const PLANT: LabelId = LabelId(1);
 const LEAF: LabelId = LabelId(2);

@@ -4,11 +4,11 @@ use glam::DVec2;
 use proptest::prelude::*;
 
 use super::making::{anchor, perform, project, tracked};
-use crate::masks::{Click, LabelId, Prompt};
-use crate::session::{
-    Command, Edit, Event, FrameMask, MaskOrigin, OpenProject, Project, RangeChange, RangeRequest, Session,
-    TrackSettings,
-};
+use crate::Event;
+use crate::{Command, RangeChange, RangeRequest, Session, TrackSettings};
+use ostra_masks::{Click, LabelId, Prompt};
+use ostra_project::OpenProject;
+use ostra_project::{Edit, FrameMask, MaskOrigin, Project};
 
 const LEAF: LabelId = LabelId(1);
 const STEM: LabelId = LabelId(2);
@@ -91,7 +91,7 @@ fn a_locked_label_is_changed_by_nobody() {
     change(&mut session, &[], (0, 2), RangeChange::Delete).unwrap();
     assert_eq!([0, 1, 2].map(|frame| rows(&session, frame)), [[0, 0, 0], [1, 0, 0], [1, 0, 0]]);
     assert_eq!(now(&session).marks_of(LEAF).absent.ranges().collect::<Vec<_>>(), [0..=0]);
-    let paint = |label, erase| crate::session::PaintRequest {
+    let paint = |label, erase| crate::PaintRequest {
         frame: 1,
         label,
         points_px: vec![DVec2::new(1.0, 0.5)],

@@ -2,7 +2,9 @@ use proptest::prelude::*;
 
 use super::edits::any_edit;
 use super::making::{anchor, camera, label, project, record, tracked};
-use crate::session::{Edit, JobId, MaskOrigin, OpenProject, Project, ResultKind};
+use ostra_core::job::JobId;
+use ostra_project::OpenProject;
+use ostra_project::{Edit, MaskOrigin, Project, ResultKind};
 
 fn opened(folder: &tempfile::TempDir, project: Project) -> OpenProject {
     OpenProject::create(&folder.path().join("p"), project).unwrap()
@@ -56,7 +58,7 @@ fn through_geometry_an_anchor_reaches_all() {
 fn an_accepted_mask_makes_nothing_stale() {
     let folder = tempfile::tempdir().unwrap();
     let start = tracked_project("geometry");
-    let same = crate::session::FrameMask { runs: start.masks[&1].runs.clone(), ..anchor([0; 3]) };
+    let same = ostra_project::FrameMask { runs: start.masks[&1].runs.clone(), ..anchor([0; 3]) };
     let mut open = opened(&folder, start);
     open.commit("Accept", vec![Edit::SetMask { frame: 1, mask: Some(same) }]).unwrap();
     assert_eq!((stale(open.project()), stale_results(open.project())), (vec![], vec![]));
@@ -74,7 +76,7 @@ fn a_tracked_mask_makes_only_the_cloud_stale() {
 fn cameras_and_names_make_stale_what_holds_them() {
     let folder = tempfile::tempdir().unwrap();
     let mut open = opened(&folder, tracked_project("geometry"));
-    let recolored = crate::masks::Label { color: [1, 2, 3], ..label(1, "leaf") };
+    let recolored = ostra_masks::Label { color: [1, 2, 3], ..label(1, "leaf") };
     open.commit("Colour", vec![Edit::SetLabel { id: recolored.id, label: Some(recolored) }]).unwrap();
     assert_eq!(stale_results(open.project()), []);
     open.commit("Name", vec![Edit::SetLabel { id: label(1, "").id, label: Some(label(1, "blade")) }]).unwrap();
@@ -143,7 +145,7 @@ proptest! {
                 3 => {
                     let (before, history) = (open.project().clone(), open.history().clone());
                     drop(open);
-                    let loaded = crate::session::store::Folder::open(&root, &Default::default()).unwrap();
+                    let loaded = ostra_project::store::Folder::open(&root, &Default::default()).unwrap();
                     prop_assert_eq!(&loaded.warnings, &Vec::<String>::new());
                     open = OpenProject::loaded(loaded);
                     prop_assert_eq!(open.project(), &before);
@@ -151,7 +153,7 @@ proptest! {
                 }
                 _ => drop(open.commit("Step", edits)),
             }
-            let stale_anchor = |mask: &crate::session::FrameMask| mask.stale && mask.origin == MaskOrigin::Anchor;
+            let stale_anchor = |mask: &ostra_project::FrameMask| mask.stale && mask.origin == MaskOrigin::Anchor;
             prop_assert!(!open.project().masks.values().any(stale_anchor));
         }
         let end = open.project().clone();

@@ -1,7 +1,7 @@
 //! Points in blocks: culling, coarse pictures, discs by the spacing around them.
 
 use super::*;
-use crate::frames::Image;
+use ostra_frames::Image;
 
 /// How many pixels show something.
 fn covered<const N: usize>(pixels: &[[u8; N]], style: &SceneStyle) -> usize {

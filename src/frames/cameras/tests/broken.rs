@@ -2,8 +2,8 @@ use std::path::Path;
 
 use super::colmap::binary_model;
 use super::{frames, write};
-use crate::frames::Frame;
-use crate::frames::cameras::{CameraKey, GivenCameras, attach_intrinsics, read_sparse_points};
+use crate::Frame;
+use crate::cameras::{CameraKey, GivenCameras, attach_intrinsics, read_sparse_points};
 
 /// The one-line error of reading `path`.
 fn error_of(path: &Path) -> String {

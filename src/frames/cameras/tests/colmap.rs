@@ -2,12 +2,12 @@ use glam::{DVec2, DVec3};
 use proptest::prelude::*;
 
 use super::{assert_near, frame, frames, pose, write};
-use crate::frames::cameras::{
+use crate::cameras::{
     GivenCameras, ModelEncoding, SparseKeypoint, SparsePoint, SparsePoints, read_sparse_model, read_sparse_points,
     write_colmap_model,
 };
-use crate::frames::{Frame, FrameCamera};
-use crate::geometry::{Camera, Distortion};
+use crate::{Frame, FrameCamera};
+use ostra_geometry::{Camera, Distortion};
 
 fn models() -> [Distortion; 6] {
     [
@@ -92,7 +92,7 @@ proptest! {
     ) {
         let rotation = glam::DQuat::from_array(q);
         prop_assume!(rotation.length() > 0.1);
-        let pose = crate::geometry::Pose { rotation: rotation.normalize(), translation: DVec3::new(t, 1.0 / t, f) };
+        let pose = ostra_geometry::Pose { rotation: rotation.normalize(), translation: DVec3::new(t, 1.0 / t, f) };
         let intrinsics = Camera::pinhole(640, 480, f, 1.1 * f, c, 0.3 * c);
         let mut all = frames(&["x.png"]);
         all[0].camera = Some(FrameCamera::given(intrinsics, Some(pose)));

@@ -3,9 +3,9 @@ use std::path::Path;
 use glam::{DMat3, DVec2, DVec3};
 
 use super::{assert_near, frames, pose, world_from_camera_text, write};
-use crate::frames::cameras::{GivenCameras, attach_intrinsics};
-use crate::frames::{Frame, FrameCamera};
-use crate::geometry::{Camera, Distortion, Pose};
+use crate::cameras::{GivenCameras, attach_intrinsics};
+use crate::{Frame, FrameCamera};
+use ostra_geometry::{Camera, Distortion, Pose};
 
 const INTRINSICS: [f64; 4] = [500.0, 510.0, 320.0, 240.0];
 

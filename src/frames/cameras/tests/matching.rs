@@ -1,9 +1,9 @@
 use glam::{DVec2, DVec3};
 
 use super::{frame, frames, pose, write};
-use crate::frames::cameras::{CameraKey, GivenCamera, GivenCameras, GivenIntrinsics, attach_intrinsics};
-use crate::frames::{Frame, FrameCamera};
-use crate::geometry::Camera;
+use crate::cameras::{CameraKey, GivenCamera, GivenCameras, GivenIntrinsics, attach_intrinsics};
+use crate::{Frame, FrameCamera};
+use ostra_geometry::Camera;
 
 /// Cameras by name, told apart by the x of their translation.
 fn given(names: &[&str]) -> GivenCameras {

@@ -4,9 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::recovery::{errors, run};
 use super::scene::{Noise, blur, cameras, disturb, dome, pinhole};
-use crate::geometry::bundle::{
-    Bundle, BundleImage, BundleObservation, BundleOptions, BundleSummary, Loss, Refine, adjust,
-};
+use crate::bundle::{Bundle, BundleImage, BundleObservation, BundleOptions, BundleSummary, Loss, Refine, adjust};
 
 const ALL: Refine = Refine { focal: true, principal: true, distortion: true };
 

@@ -1,11 +1,11 @@
 use glam::{DVec2, DVec3};
 
 use super::scene::{cameras, dome};
-use crate::geometry::blocks::{BLOCK, Column};
-use crate::geometry::bundle::arrange::Layout;
-use crate::geometry::bundle::piece::Sighting;
-use crate::geometry::bundle::state::State;
-use crate::geometry::bundle::{Bundle, BundleOptions, Refine};
+use crate::blocks::{BLOCK, Column};
+use crate::bundle::arrange::Layout;
+use crate::bundle::piece::Sighting;
+use crate::bundle::state::State;
+use crate::bundle::{Bundle, BundleOptions, Refine};
 
 const STEP: f64 = 1e-6;
 

@@ -3,8 +3,8 @@ use std::ops::ControlFlow;
 use glam::DVec3;
 
 use super::scene::{Noise, blur, cameras, disturb, dome, pinhole};
-use crate::geometry::bundle::{Bundle, BundleImage, BundleObservation, BundleOptions, BundleSummary, Refine, adjust};
-use crate::geometry::{Alignment, Pose, Similarity};
+use crate::bundle::{Bundle, BundleImage, BundleObservation, BundleOptions, BundleSummary, Refine, adjust};
+use crate::{Alignment, Pose, Similarity};
 
 const ALL: Refine = Refine { focal: true, principal: true, distortion: true };
 

@@ -2,8 +2,8 @@ use glam::{DMat3, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::geometry::bundle::{Bundle, BundleImage, BundleObservation};
-use crate::geometry::{Camera, Distortion, Pose};
+use crate::bundle::{Bundle, BundleImage, BundleObservation};
+use crate::{Camera, Distortion, Pose};
 
 /// Seeded noise.
 pub struct Noise(Pcg64Mcg);

@@ -1,14 +1,14 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::scene::{Noise, blur, disturb, dome, pinhole};
-use crate::geometry::Distortion;
-use crate::geometry::blocks::{BLOCK, Column, Skyline, conjugate_gradients};
-use crate::geometry::bundle::arrange::{Layout, arrange};
-use crate::geometry::bundle::normal::Normal;
-use crate::geometry::bundle::piece::Piece;
-use crate::geometry::bundle::state::State;
-use crate::geometry::bundle::trial::Trial;
-use crate::geometry::bundle::{Bundle, BundleOptions, Loss, Refine};
+use crate::Distortion;
+use crate::blocks::{BLOCK, Column, Skyline, conjugate_gradients};
+use crate::bundle::arrange::{Layout, arrange};
+use crate::bundle::normal::Normal;
+use crate::bundle::piece::Piece;
+use crate::bundle::state::State;
+use crate::bundle::trial::Trial;
+use crate::bundle::{Bundle, BundleOptions, Loss, Refine};
 
 const DAMPING: f64 = 1e-3;
 
@@ -62,7 +62,7 @@ fn without_elimination(layout: &Layout, pieces: &[Piece], state: &State) -> (DVe
 
 #[test]
 fn a_step_is_that_of_the_whole_normal_equations() {
-    let bent = crate::geometry::Camera { distortion: Distortion::Radial { k: [-0.1, 0.02] }, ..pinhole() };
+    let bent = crate::Camera { distortion: Distortion::Radial { k: [-0.1, 0.02] }, ..pinhole() };
     let bundle = disturbed(dome(vec![bent, pinhole()], 8, 300, 0.6, 1));
     let options = BundleOptions {
         loss: Loss::Cauchy { px: 5.0 },

@@ -3,9 +3,9 @@ use std::sync::Arc;
 
 use super::super::prepared::Prepared;
 use super::super::segmenter::prepare;
-use crate::engine::job::Progress;
-use crate::frames::{DepthMap, Image};
-use crate::masks::{LabelId, LabelMask};
+use crate::{LabelId, LabelMask};
+use ostra_core::job::Progress;
+use ostra_frames::{DepthMap, Image};
 
 /// A picture with truth.
 pub struct Case {

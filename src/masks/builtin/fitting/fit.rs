@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use super::super::choice::{TERMS, Weights};
 use super::KINDS;
 use super::play::Sample;
-use crate::masks::builtin::choice::Kind;
+use crate::builtin::choice::Kind;
 
 /// Weights fitted to the samples, those of one clip left out; kinds without samples keep `weights`.
 pub fn fitted(samples: &[Sample], without: Option<&str>, weights: &Weights) -> Weights {

@@ -26,7 +26,7 @@ const KINDS: [Kind; 6] =
 
 #[test]
 fn fitted_weights_gain_more_than_none() {
-    let data = std::env::var_os("OSTRA_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
+    let data = std::env::var_os("OSTRA_DATA").map_or_else(|| PathBuf::from("../../../shared/data"), PathBuf::from);
     if !data.is_dir() {
         assert!(std::env::var_os("CI").is_none(), "{}: the test data is missing", data.display());
         println!("skipped: no test data at {}", data.display());

@@ -5,7 +5,7 @@ use super::super::choice::{Kind, TERMS, Weights, best, kind_of, terms};
 use super::super::prepared::Prepared;
 use super::super::query::Query;
 use super::cases::Case;
-use crate::masks::{Click, LabelId, LabelMask, Region, next_label_click};
+use crate::{Click, LabelId, LabelMask, Region, next_label_click};
 
 /// One click met while playing: what each candidate would gain in mean IoU.
 pub struct Sample {

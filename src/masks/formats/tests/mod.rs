@@ -7,8 +7,8 @@ mod round_trip;
 use std::path::Path;
 
 use super::{Imported, MaskFormat, MaskFrame, export_masks, import_masks};
-use crate::engine::job::Progress;
-use crate::masks::{Label, LabelId, LabelMask, LabelTree, MaskError, RunMask};
+use crate::{Label, LabelId, LabelMask, LabelTree, MaskError, RunMask};
+use ostra_core::job::Progress;
 
 const WIDTH: u32 = 13;
 const HEIGHT: u32 = 9;

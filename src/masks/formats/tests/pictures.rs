@@ -1,7 +1,7 @@
 use png::{BitDepth, ColorType};
 
 use super::*;
-use crate::masks::{encode_palette_png, read_palette_png, write_labels_json};
+use crate::{encode_palette_png, read_palette_png, write_labels_json};
 
 /// A PNG of two rows and five columns from its rows' bytes.
 fn write_png(path: &Path, color: ColorType, depth: BitDepth, bytes: &[u8]) {

@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use proptest::prelude::*;
 
 use super::*;
-use crate::masks::{encode_palette_png, read_palette_png};
+use crate::{encode_palette_png, read_palette_png};
 
 const NAMES: [&str; 4] = ["cam 0/0001.jpg", "cam 0/0002.jpg", "film.mp4/000001", "x.y.png"];
 

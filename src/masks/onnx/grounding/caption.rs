@@ -1,5 +1,5 @@
 use super::tokenizer::Tokenizer;
-use crate::masks::MaskError;
+use crate::MaskError;
 
 /// Phrases as one text for the network, each ended by a full stop; a token attends to those of its own phrase only.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -86,7 +86,7 @@ mod tests {
     }
 
     fn reference() -> (Reference, Tokenizer) {
-        let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/parity/words.json"));
+        let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/parity/words.json"));
         let reference: Reference = serde_json::from_str(text).unwrap();
         let tokenizer = Tokenizer::new(&reference.vocabulary.join("\n")).unwrap();
         (reference, tokenizer)

@@ -1,8 +1,8 @@
 use glam::DVec2;
 
 use super::caption::Caption;
-use crate::masks::onnx::boxes::without_doubles;
-use crate::masks::{Grounded, PxBox};
+use crate::onnx::boxes::without_doubles;
+use crate::{Grounded, PxBox};
 
 /// Boxes of one phrase that overlap by more are one thing.
 const MOST_OVERLAP: f64 = 0.8;

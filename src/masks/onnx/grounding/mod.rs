@@ -3,8 +3,6 @@
 //!
 //! Liu et al.: "Grounding DINO: Marrying DINO with Grounded Pre-Training for Open-Set Object Detection", ECCV 2024;
 //! Devlin et al.: "BERT: Pre-training of Deep Bidirectional Transformers for Language Understanding", NAACL 2019.
-//!
-//! May use: engine::nn, engine::job, frames, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
 mod caption;
 mod found;

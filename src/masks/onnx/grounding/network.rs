@@ -7,10 +7,10 @@ use super::caption::Caption;
 use super::found::Answer;
 use super::shown::Shown;
 use super::tokenizer::Tokenizer;
-use crate::engine::job::{Progress, Stopped};
-use crate::engine::nn::{Network, NnError, Tensor, load, load_text};
-use crate::frames::Image;
-use crate::masks::{GroundRequest, Grounded, MaskError, TextGrounder};
+use crate::{GroundRequest, Grounded, MaskError, TextGrounder};
+use ostra_compute::nn::{Network, NnError, Tensor, load, load_text};
+use ostra_core::job::{Progress, Stopped};
+use ostra_frames::Image;
 
 /// Finds what any words name.
 ///

@@ -1,8 +1,8 @@
 use rayon::prelude::*;
 
-use crate::frames::Image;
-use crate::masks::MaskError;
-use crate::masks::onnx::resize::resized;
+use crate::MaskError;
+use crate::onnx::resize::resized;
+use ostra_frames::Image;
 
 /// Pixels of the shorter side of what the network sees, and the most of the longer one.
 const SHORT: f64 = 800.0;

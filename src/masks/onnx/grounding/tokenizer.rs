@@ -3,7 +3,7 @@ use tokenizers::models::wordpiece::WordPiece;
 use tokenizers::normalizers::bert::BertNormalizer;
 use tokenizers::pre_tokenizers::bert::BertPreTokenizer;
 
-use crate::masks::MaskError;
+use crate::MaskError;
 
 /// Splits words into the pieces that BERT (uncased) knows, by a vocabulary of one piece a line.
 #[derive(Debug, Clone)]

@@ -4,9 +4,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::frame::{SamFrame, hold};
 use super::network::Sam;
 use super::part::Part;
-use crate::engine::job::Progress;
-use crate::frames::Image;
-use crate::masks::{Click, MaskError, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
+use crate::{Click, MaskError, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
+use ostra_core::job::Progress;
+use ostra_frames::Image;
 
 /// A picture that is looked at around each prompt in its own pixels, not whole and shrunk: for stems and wires. The first
 /// prompt at a place costs a run of the encoder, those close by the decoder alone.

@@ -1,7 +1,7 @@
 use super::canvas::Canvas;
 use super::network::told;
-use crate::engine::nn::{Network, NnError, Tensor};
-use crate::masks::MaskError;
+use crate::MaskError;
+use ostra_compute::nn::{Network, NnError, Tensor};
 
 /// The network that answers prompts from an embedding.
 #[derive(Debug)]

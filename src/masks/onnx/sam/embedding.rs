@@ -1,5 +1,5 @@
 use super::part::Part;
-use crate::masks::MaskError;
+use crate::MaskError;
 
 /// What the picture encoder makes of a picture: all that answering prompts needs. Costly to make, cheap to keep.
 #[derive(Debug, Clone, PartialEq)]

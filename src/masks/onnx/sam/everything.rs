@@ -2,9 +2,9 @@ use glam::DVec2;
 
 use super::decoder::Answer;
 use super::frame::SamFrame;
-use crate::engine::job::Progress;
-use crate::masks::onnx::boxes::without_doubles;
-use crate::masks::{Click, MaskError, Proposal, PxBox, Region};
+use crate::onnx::boxes::without_doubles;
+use crate::{Click, MaskError, Proposal, PxBox, Region};
+use ostra_core::job::Progress;
 
 /// Settings of [`SamFrame::everything`].
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,9 +9,9 @@ use super::everything::EverythingOptions;
 use super::network::told;
 use super::objects::Objects;
 use super::part::Part;
-use crate::engine::job::Progress;
-use crate::engine::nn::Tensor;
-use crate::masks::{Click, MaskError, PreparedFrame, Prompt, Proposal, PxBox, Region, SegmentRequest};
+use crate::{Click, MaskError, PreparedFrame, Prompt, Proposal, PxBox, Region, SegmentRequest};
+use ostra_compute::nn::Tensor;
+use ostra_core::job::Progress;
 
 /// A picture, or a part of one, that answers prompts by runs of the decoder alone.
 #[derive(Debug)]

@@ -3,7 +3,7 @@
 
 use super::decoder::Answer;
 use super::frame::SamFrame;
-use crate::masks::{Click, MaskError, PxBox};
+use crate::{Click, MaskError, PxBox};
 
 impl SamFrame {
     /// The mask for clicks and a box; `before`, less what is outside, where that is from elsewhere and holds all that is

@@ -1,6 +1,6 @@
 use super::canvas::Canvas;
 use super::part::Part;
-use crate::masks::Region;
+use crate::Region;
 
 /// Places along each side of a logit's cell at which a region is looked at.
 const SAMPLES: usize = 4;

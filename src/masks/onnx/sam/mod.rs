@@ -1,10 +1,8 @@
 //! Segment Anything: a picture is embedded once, prompts are answered from the embedding.
 //!
-//! Kirillov et al.: "Segment Anything", ICCV 2023; with its interface `MobileSAM` (Zhang et al., 2023), with another one
-//! `EfficientSAM` (Xiong et al.: "EfficientSAM: Leveraged Masked Image Pretraining for Efficient Segment Anything",
+//! Kirillov et al.: "Segment Anything", ICCV 2023; with its interface `MobileSAM` (Zhang et al., 2023), with another
+//! one `EfficientSAM` (Xiong et al.: "EfficientSAM: Leveraged Masked Image Pretraining for Efficient Segment Anything",
 //! CVPR 2024).
-//!
-//! May use: engine::nn, engine::job, frames, the nouns of masks. Must not touch: files, cameras, 3-D, UI.
 
 mod canvas;
 mod close_ups;

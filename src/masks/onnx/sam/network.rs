@@ -8,11 +8,11 @@ use super::decoder::{Decoder, Dialect};
 use super::embedding::Embedding;
 use super::frame::{SamFrame, bytes_of};
 use super::part::Part;
-use crate::engine::job::{Progress, Stopped};
-use crate::engine::nn::{Network, NnError, Signature, Tensor, load};
-use crate::frames::{DepthMap, Image};
-use crate::masks::onnx::resize::resized;
-use crate::masks::{MaskError, PreparedFrame, Segmenter};
+use crate::onnx::resize::resized;
+use crate::{MaskError, PreparedFrame, Segmenter};
+use ostra_compute::nn::{Network, NnError, Signature, Tensor, load};
+use ostra_core::job::{Progress, Stopped};
+use ostra_frames::{DepthMap, Image};
 
 /// Segment Anything in two networks: one embeds a picture (seconds), one answers prompts (a tenth of a second).
 #[derive(Debug)]

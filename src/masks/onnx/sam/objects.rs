@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::decoder::Answer;
 use super::frame::SamFrame;
 use super::hint::hint;
-use crate::masks::{Click, Connectivity, MaskError, PxBox, Region, components, deepest_point};
+use crate::{Click, Connectivity, MaskError, PxBox, Region, components, deepest_point};
 
 /// The objects of one label.
 pub(super) struct Objects<'a> {

@@ -1,7 +1,7 @@
 use glam::DVec2;
 
 use super::canvas::Canvas;
-use crate::masks::{Prompt, PxBox, Region};
+use crate::{Prompt, PxBox, Region};
 
 /// The part of a picture that the network looks at, in whole pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

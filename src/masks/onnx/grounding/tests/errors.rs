@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::super::GroundingDino;
 use super::{network, phrases, picture, runtime, tiny};
-use crate::engine::job::Progress;
-use crate::engine::nn::Network;
-use crate::frames::Image;
-use crate::masks::{GroundRequest, MaskError, TextGrounder};
+use crate::{GroundRequest, MaskError, TextGrounder};
+use ostra_compute::nn::Network;
+use ostra_core::job::Progress;
+use ostra_frames::Image;
 
 #[test]
 fn what_cannot_be_looked_for_is_told_in_one_line() {

@@ -6,12 +6,12 @@ mod parity;
 use std::path::{Path, PathBuf};
 
 use super::GroundingDino;
-use crate::engine::nn::{Network, Runtime};
-use crate::frames::Image;
+use ostra_compute::nn::{Network, Runtime};
+use ostra_frames::Image;
 
 /// A small network of random weights with reference answers (`tests/parity/grounding.py` makes it).
 fn tiny() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/grounding-tiny")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity/grounding-tiny")
 }
 
 /// What runs networks; `None`, after a printed line, where it is missing, which `CI` does not allow.

@@ -6,8 +6,8 @@ use serde::Deserialize;
 
 use super::super::GroundingDino;
 use super::{network, picture, tiny};
-use crate::engine::job::Progress;
-use crate::frames::Image;
+use ostra_core::job::Progress;
+use ostra_frames::Image;
 
 /// Largest difference of a box (shares of the picture) or a score.
 const TOLERANCE: f64 = 1e-3;

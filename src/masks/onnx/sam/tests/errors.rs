@@ -2,10 +2,10 @@
 
 use super::super::{Embedding, Part, Sam};
 use super::{flat, networks, runtime, tiny};
-use crate::engine::job::Progress;
-use crate::engine::nn::{Network, NnError};
-use crate::frames::Image;
-use crate::masks::{Click, MaskError, Prompt, SegmentRequest, Segmenter};
+use crate::{Click, MaskError, Prompt, SegmentRequest, Segmenter};
+use ostra_compute::nn::{Network, NnError};
+use ostra_core::job::Progress;
+use ostra_frames::Image;
 
 fn grey() -> Image {
     Image { width: 40, height: 30, pixels: vec![[90; 3]; 1200] }

@@ -7,16 +7,16 @@ mod prompts;
 use std::path::{Path, PathBuf};
 
 use super::Sam;
-use crate::engine::nn::{Network, Runtime};
+use ostra_compute::nn::{Network, Runtime};
 
 /// Small networks of random weights with reference answers (`tests/parity/sam.py` makes them).
 fn tiny() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/sam-tiny")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity/sam-tiny")
 }
 
 /// The same with the interface of `EfficientSAM` (`tests/parity/efficient_sam.py`).
 fn tiny_efficient() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity/efficient-sam-tiny")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity/efficient-sam-tiny")
 }
 
 /// Networks that see flat colours.
@@ -30,7 +30,7 @@ fn flat_efficient() -> Option<Sam> {
 }
 
 fn of_flat_colours(folder: &str) -> Option<Sam> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity").join(folder);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity").join(folder);
     networks(&folder, "encoder.onnx", "decoder.onnx")
 }
 

@@ -9,9 +9,9 @@ use serde::Deserialize;
 use super::super::decoder::Answer;
 use super::super::{Part, Sam, SamFrame};
 use super::{networks, tiny, tiny_efficient};
-use crate::engine::job::Progress;
-use crate::frames::Image;
-use crate::masks::{Click, PxBox};
+use crate::{Click, PxBox};
+use ostra_core::job::Progress;
+use ostra_frames::Image;
 
 /// Largest difference, in standard deviations of the reference's tensor.
 const TOLERANCE: f64 = 1e-3;

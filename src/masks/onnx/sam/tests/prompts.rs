@@ -6,9 +6,9 @@ use glam::DVec2;
 
 use super::super::{CloseUps, EverythingOptions, Part, Sam, SamFrame};
 use super::{flat, flat_efficient};
-use crate::engine::job::Progress;
-use crate::frames::Image;
-use crate::masks::{Click, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
+use crate::{Click, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
+use ostra_core::job::Progress;
+use ostra_frames::Image;
 
 const WIDTH: u32 = 256;
 const HEIGHT: u32 = 192;

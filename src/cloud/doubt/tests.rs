@@ -1,0 +1,23 @@
+use super::contradiction;
+use ostra_masks::{LabelId, LabelMask};
+
+#[test]
+fn a_wrong_name_and_a_lost_part_are_contradicted_but_not_a_border_a_pixel_aside() {
+    let (width, height) = (40, 30);
+    let block = |mask: &mut LabelMask, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>, id: u16| {
+        for y in rows {
+            columns.clone().for_each(|x| mask.ids[y * width + x] = LabelId(id));
+        }
+    };
+    let mut voted = LabelMask::empty(width as u32, height as u32);
+    block(&mut voted, 2..20, 2..20, 1);
+    block(&mut voted, 20..38, 2..20, 2);
+    let mut mask = voted.clone();
+    block(&mut mask, 19..21, 2..20, 1);
+    assert!(contradiction(&mask, &voted).is_empty());
+    block(&mut mask, 26..34, 8..14, 1);
+    block(&mut mask, 5..12, 5..12, 0);
+    let shown = contradiction(&mask, &voted);
+    assert_eq!(shown.area(), 8 * 6 + 7 * 7);
+    assert!(shown.at(26, 8) && shown.at(33, 13) && shown.at(5, 5) && shown.at(11, 11));
+}

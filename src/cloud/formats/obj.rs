@@ -1,0 +1,102 @@
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use super::names::{color_of, safe_names};
+use crate::ply::{Coloring, comments_of, file_part, origin_comment};
+use crate::whole_file::{unplaced, write_whole};
+use crate::{LabelledMesh, SceneError};
+use ostra_core::job::Progress;
+use ostra_masks::{LabelId, LabelTree};
+
+/// Lines between two looks at the stop sign.
+const STRIDE: usize = 1 << 15;
+
+/// Writes a mesh as Wavefront OBJ: `v x y z r g b` (colours 0–1, sRGB), `vn`, and for each label an object and a material
+/// named by its path. The materials lie in `STEM.mtl` beside it; the label tree stands in comments as in a PLY.
+pub(super) fn save(
+    path: &Path,
+    mesh: &LabelledMesh,
+    coloring: Coloring,
+    progress: &Progress,
+) -> Result<(), SceneError> {
+    let parts = mesh.by_label();
+    let tree = &mesh.vertices.tree;
+    let names = safe_names(tree, parts.keys().copied());
+    let library = library_name(path);
+    let materials = materials(tree, &names);
+    write_whole(&materials_path(path), |out| out.write_all(materials.as_bytes()).map_err(unplaced))?;
+    write_whole(path, |out| {
+        let mut out = BufWriter::with_capacity(1 << 18, out);
+        let origin = origin_comment(mesh.vertices.origin).map(|comment| format!("# {comment}\n")).unwrap_or_default();
+        out.write_all(origin.as_bytes()).map_err(unplaced)?;
+        out.write_all(head(tree, &library).as_bytes()).map_err(unplaced)?;
+        let mut before = 0;
+        for (id, part) in &parts {
+            write_part(&mut out, &names[id], part, before, coloring, progress)?;
+            before += part.vertices.len();
+        }
+        out.flush().map_err(unplaced)
+    })
+}
+
+/// Where the materials of a mesh at `path` are written.
+pub(super) fn materials_path(path: &Path) -> PathBuf {
+    path.with_file_name(library_name(path))
+}
+
+fn library_name(path: &Path) -> String {
+    format!("{}.mtl", file_part(&path.file_stem().unwrap_or_default().to_string_lossy()))
+}
+
+fn head(tree: &LabelTree, library: &str) -> String {
+    let comments: String = comments_of(tree).iter().map(|comment| format!("# {comment}\n")).collect();
+    format!("{comments}mtllib {library}\n")
+}
+
+/// The MTL: for each label a dull material of its colour.
+fn materials(tree: &LabelTree, names: &BTreeMap<LabelId, String>) -> String {
+    let mut text = String::new();
+    for (&id, name) in names {
+        let [red, green, blue] = color_of(tree, id).map(unit);
+        let _ = write!(text, "newmtl {name}\nKd {red:.4} {green:.4} {blue:.4}\nKs 0 0 0\nd 1\nillum 1\n\n");
+    }
+    text
+}
+
+/// Writes the object of one label; `before` vertices stand in the file already.
+fn write_part(
+    out: &mut impl Write,
+    name: &str,
+    part: &LabelledMesh,
+    before: usize,
+    coloring: Coloring,
+    progress: &Progress,
+) -> Result<(), SceneError> {
+    writeln!(out, "o {name}\nusemtl {name}").map_err(unplaced)?;
+    let (vertices, colors) = (&part.vertices, coloring.of(&part.vertices));
+    let lines = vertices.len() + part.triangles.len();
+    for (at, (position, color)) in vertices.positions.iter().zip(colors.iter()).enumerate() {
+        if at % STRIDE == 0 {
+            progress.step(at, lines)?;
+        }
+        let ([x, y, z], [red, green, blue]) = (position.to_array(), color.map(unit));
+        writeln!(out, "v {x} {y} {z} {red:.4} {green:.4} {blue:.4}").map_err(unplaced)?;
+    }
+    for [x, y, z] in vertices.normals.iter().map(glam::Vec3::to_array) {
+        writeln!(out, "vn {x:.4} {y:.4} {z:.4}").map_err(unplaced)?;
+    }
+    for (at, triangle) in part.triangles.iter().enumerate() {
+        if at % STRIDE == 0 {
+            progress.step(vertices.len() + at, lines)?;
+        }
+        let [a, b, c] = triangle.map(|vertex| before + vertex as usize + 1);
+        writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}").map_err(unplaced)?;
+    }
+    Ok(())
+}
+
+fn unit(channel: u8) -> f32 {
+    f32::from(channel) / 255.0
+}

@@ -1,0 +1,183 @@
+use glam::{DVec3, Mat3, Vec3};
+
+use super::grid::{Cell, Sample, cell_key};
+use super::view::View;
+use super::voxel_map::shard_of;
+use ostra_frames::{DepthMap, Image};
+use ostra_geometry::Camera;
+
+/// Distance in pixels to the neighbours whose depths give the normal: wide enough to stand above a sensor's steps.
+const NORMAL_REACH: isize = 2;
+/// The same as a number of rows.
+const REACH: usize = NORMAL_REACH as usize;
+/// Neighbours of eight on the same surface that a pixel needs. A line one pixel wide has two.
+const MIN_SUPPORT: usize = 2;
+
+/// The viewing rays of one camera: (x, y) on the plane z = 1 for every pixel.
+#[derive(Debug)]
+pub(super) struct Rays {
+    camera: Camera,
+    xy: Vec<[f32; 2]>,
+}
+
+impl Rays {
+    pub(super) fn new(camera: &Camera) -> Self {
+        let ray = |x: u32, y: u32| {
+            camera.unproject(glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).as_vec2().to_array()
+        };
+        let xy = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| ray(x, y))).collect();
+        Self { camera: *camera, xy }
+    }
+
+    /// Whether these are the rays of `camera`.
+    pub(super) fn fit(&self, camera: &Camera) -> bool {
+        self.camera == *camera
+    }
+}
+
+/// One frame's pixels on their way into the grid.
+pub(super) struct Lift<'a> {
+    image: &'a Image,
+    depth: &'a DepthMap,
+    rays: &'a Rays,
+    /// Grid units from camera space: rotation over voxel size, and the camera's place in the grid.
+    grid_from_camera: Mat3,
+    offset: Vec3,
+    world_from_camera: Mat3,
+    edge_tolerance: f32,
+}
+
+/// What became of the pixels of some rows.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct LiftCount {
+    /// Pixels with a depth.
+    pub(super) measured: usize,
+    /// Pixels left out as flying between two surfaces.
+    pub(super) flying: usize,
+    /// Pixels too far away for the grid.
+    pub(super) beyond: usize,
+}
+
+impl<'a> Lift<'a> {
+    pub(super) fn new(
+        view: &View,
+        rays: &'a Rays,
+        image: &'a Image,
+        depth: &'a DepthMap,
+        grid: (DVec3, f64),
+        edge_tolerance: f32,
+    ) -> Self {
+        let (origin, voxel) = grid;
+        let world_from_camera = view.rotation.transpose();
+        Self {
+            image,
+            depth,
+            rays,
+            grid_from_camera: (world_from_camera * (1.0 / voxel)).as_mat3(),
+            offset: ((view.centre() - origin) / voxel).as_vec3(),
+            world_from_camera: world_from_camera.as_mat3(),
+            edge_tolerance,
+        }
+    }
+
+    /// Lifts some rows into samples, one list for each shard of the grid.
+    pub(super) fn rows(&self, rows: std::ops::Range<u32>, shards: &mut [Vec<Sample>]) -> LiftCount {
+        let mut count = LiftCount::default();
+        // Two rows at a time: pixels above each other often fall into one voxel, which then is looked up once for both.
+        for first in rows.clone().step_by(2) {
+            let pair = [first, first + 1].map(|y| rows.contains(&y).then(|| self.around(y as usize)));
+            for x in 0..self.depth.width as usize {
+                for around in pair.iter().flatten() {
+                    self.pixel(around, x, shards, &mut count);
+                }
+            }
+        }
+        count
+    }
+
+    /// Lifts one pixel of a row.
+    fn pixel(&self, around: &Around<'_>, x: usize, shards: &mut [Vec<Sample>], count: &mut LiftCount) {
+        let depth = around.rows[REACH][x];
+        if !(depth > 0.0 && depth.is_finite()) {
+            return;
+        }
+        count.measured += 1;
+        if self.flies(around, x, depth) {
+            count.flying += 1;
+            return;
+        }
+        let here = point(around.rays[REACH][x], depth);
+        let Some(cell) = Cell::holding(self.grid_from_camera * here + self.offset) else {
+            count.beyond += 1;
+            return;
+        };
+        let key = cell_key(cell.index);
+        let normal = self.normal(around, x, here);
+        shards[shard_of(key)].push(Sample::new(key, cell.fraction, around.colors[x], normal));
+    }
+
+    /// The rows up to [`NORMAL_REACH`] above and below a row; those beyond the picture are empty.
+    fn around(&self, y: usize) -> Around<'_> {
+        let width = self.depth.width as usize;
+        let range = |row: usize| {
+            let first = (y + row).checked_sub(REACH)? * width;
+            (first < self.depth.depths.len()).then_some(first..first + width)
+        };
+        Around {
+            colors: &self.image.pixels[y * width..(y + 1) * width],
+            rows: std::array::from_fn(|row| range(row).map_or(&[][..], |range| &self.depth.depths[range])),
+            rays: std::array::from_fn(|row| range(row).map_or(&[][..], |range| &self.rays.xy[range])),
+        }
+    }
+
+    /// Whether too few neighbours lie on the same surface: such pixels are blends of two surfaces at an edge.
+    fn flies(&self, around: &Around<'_>, x: usize, depth: f32) -> bool {
+        if self.edge_tolerance >= 1.0 {
+            return false;
+        }
+        let tolerance = self.edge_tolerance * depth;
+        let mut support = 0;
+        for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)] {
+            let (other, _) = around.at(x, dx, dy);
+            support += usize::from(other > 0.0 && (other - depth).abs() <= tolerance);
+            if support >= MIN_SUPPORT {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// The normal in world space, towards the camera, from the neighbours on the same surface; zero without such.
+    fn normal(&self, around: &Around<'_>, x: usize, here: Vec3) -> Vec3 {
+        let tolerance = self.edge_tolerance * here.z * NORMAL_REACH as f32;
+        let side = |dx: isize, dy: isize| {
+            let (other, ray) = around.at(x, dx, dy);
+            let is_same = other > 0.0 && (other - here.z).abs() <= tolerance;
+            if is_same { point(ray, other) } else { here }
+        };
+        let along = |dx: isize, dy: isize| side(dx, dy) - side(-dx, -dy);
+        let normal = along(NORMAL_REACH, 0).cross(along(0, NORMAL_REACH)).normalize_or_zero();
+        self.world_from_camera * if normal.dot(here) > 0.0 { -normal } else { normal }
+    }
+}
+
+/// A row of a picture with those above and below it.
+struct Around<'a> {
+    colors: &'a [[u8; 3]],
+    rows: [&'a [f32]; 2 * REACH + 1],
+    rays: [&'a [[f32; 2]]; 2 * REACH + 1],
+}
+
+impl Around<'_> {
+    /// Depth and ray of the pixel that many columns and rows away; depth 0 beyond the picture.
+    fn at(&self, x: usize, dx: isize, dy: isize) -> (f32, [f32; 2]) {
+        let (row, x) = (REACH.wrapping_add_signed(dy), x.wrapping_add_signed(dx));
+        let depth = self.rows[row].get(x).copied().unwrap_or_default();
+        (depth, self.rays[row].get(x).copied().unwrap_or_default())
+    }
+}
+
+/// The place in camera space that a pixel with this ray sees.
+fn point([x, y]: [f32; 2], depth: f32) -> Vec3 {
+    Vec3::new(x * depth, y * depth, depth)
+}

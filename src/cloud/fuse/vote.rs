@@ -1,0 +1,217 @@
+use std::sync::Arc;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::ballots::{Ballots, Histograms};
+use super::pairs::{CHUNK, Pair, PairWriter};
+use super::seen::{SeenPoint, SeenPoints};
+use super::source::{Views, check_size};
+use super::splat::splat_depth;
+use super::view::View;
+use super::visible::{Tolerance, seen_at};
+use super::votes::{FramePairs, Votes, joined};
+use crate::SceneError;
+use ostra_core::job::Progress;
+use ostra_frames::DepthMap;
+use ostra_masks::LabelMask;
+
+/// Change of depth from a pixel to the next, in pixel footprints, that still counts as one surface.
+const SLANT_PX: f64 = 1.5;
+
+/// What the vote needs to know besides points and frames.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct VoteOptions {
+    /// Depths of frames against points.
+    pub(super) tolerance: Tolerance,
+    /// Radius of a point where frames have no depth and the points themselves hide each other.
+    pub(super) radius: f64,
+    pub(super) min_confidence: f32,
+    pub(super) pair_budget_bytes: usize,
+}
+
+/// One frame made ready to vote.
+struct Voting<'a> {
+    index: usize,
+    size: (u32, u32),
+    mask: Option<Arc<LabelMask>>,
+    sight: Sight<'a>,
+}
+
+/// How it is known which points a frame sees, and where.
+enum Sight<'a> {
+    /// Points are projected and compared with its depth.
+    Depth { view: Box<View>, depth: Arc<DepthMap>, tolerance: Tolerance },
+    /// It is known, by rising point.
+    Known(&'a [SeenPoint]),
+}
+
+/// A chunk of points, where it lies, and its votes so far.
+struct Chunk<'a> {
+    points: &'a [Vec3],
+    first: u32,
+    centre: glam::DVec3,
+    radius: f64,
+    ballots: Ballots,
+}
+
+/// The votes, and how many frames with a mask gave them.
+pub(super) struct Voted {
+    pub(super) votes: Votes,
+    pub(super) frames: usize,
+}
+
+/// Lets every frame vote on every point that it sees.
+///
+/// Frames with a camera and a mask vote; frames with a camera but without a mask are recorded as seeing, so that a mask
+/// that comes later needs no geometry. Frames of which `seen` tells what they see vote there, all others where their depth
+/// (or, without it, the points drawn as discs) says that they see a point. Votes are sums of integers: the order of frames
+/// does not matter.
+pub(super) fn vote(
+    points: &[Vec3],
+    seen: &SeenPoints,
+    views: &dyn Views,
+    options: &VoteOptions,
+    progress: &Progress,
+) -> Result<Voted, SceneError> {
+    let mut chunks: Vec<Chunk<'_>> =
+        points.par_chunks(CHUNK).enumerate().map(|(number, chunk)| Chunk::new(chunk, number)).collect();
+    let load = |&index: &usize| Voting::load(points, seen, views, index, options);
+    let voters: Vec<usize> = voters(views);
+    let mut frames: Vec<Arc<FramePairs>> = Vec::new();
+    let (mut has_pairs, mut bytes, mut voted) = (true, 0, 0);
+    progress.stage("vote")?;
+    let mut next = voters.first().map(load).transpose()?;
+    for done in 0..voters.len() {
+        progress.step(done, voters.len())?;
+        let Some(voting) = next.take() else { break };
+        voted += usize::from(voting.mask.is_some());
+        let following = voters.get(done + 1);
+        let (counted, loaded) =
+            rayon::join(|| count_votes(&mut chunks, &voting, has_pairs, progress), || following.map(load).transpose());
+        (next, bytes) = (loaded?, bytes + counted.as_ref().map_or(0, |pairs| pairs.bytes.len()));
+        has_pairs &= bytes <= options.pair_budget_bytes;
+        if has_pairs {
+            frames.push(Arc::new(counted?));
+        } else {
+            counted?;
+            frames.clear();
+        }
+    }
+    let counted: Vec<Histograms> = chunks.par_iter().map(|chunk| chunk.ballots.finish()).collect();
+    let (offsets, entries) = joined(&counted);
+    let votes = Votes { offsets, entries, frames, has_pairs, min_confidence: options.min_confidence };
+    Ok(Voted { votes, frames: voted })
+}
+
+/// The frames with a camera, if any of them has a mask.
+fn voters(views: &dyn Views) -> Vec<usize> {
+    let posed = |index: &usize| views.frames()[*index].posed_camera().is_some();
+    let voters: Vec<usize> = (0..views.frames().len()).filter(posed).collect();
+    let any_mask = voters.iter().any(|&index| views.mask(index).is_some());
+    if any_mask { voters } else { Vec::new() }
+}
+
+impl<'a> Voting<'a> {
+    fn load(
+        points: &[Vec3],
+        seen: &'a SeenPoints,
+        views: &dyn Views,
+        index: usize,
+        options: &VoteOptions,
+    ) -> Result<Self, SceneError> {
+        let frame = &views.frames()[index];
+        let mask = views.mask(index);
+        if let Some(mask) = &mask {
+            check_size(frame, "mask", mask.width, mask.height)?;
+        }
+        let sight = match seen.get(&index) {
+            Some(known) => Sight::Known(known),
+            None => Sight::by_depth(points, views, index, options)?,
+        };
+        Ok(Self { index, size: (frame.width, frame.height), mask, sight })
+    }
+}
+
+impl Sight<'_> {
+    fn by_depth(points: &[Vec3], views: &dyn Views, index: usize, options: &VoteOptions) -> Result<Self, SceneError> {
+        let frame = &views.frames()[index];
+        let view = View::new(frame)?
+            .ok_or_else(|| SceneError::Request(format!("frame '{}' has no camera; give it one", frame.name)))?;
+        if let Some(depth) = views.depth(index)? {
+            check_size(frame, "depth", depth.width, depth.height)?;
+            return Ok(Self::Depth { view: Box::new(view), depth, tolerance: options.tolerance });
+        }
+        let splat = splat_depth(points, &view, options.radius);
+        // On a slanted surface the depth changes from one pixel to the next by about what a pixel covers.
+        let slope = SLANT_PX / view.camera.focal_px.max_element();
+        let tolerance = Tolerance { absolute: 2.0 * options.radius, relative: slope };
+        Ok(Self::Depth { view: Box::new(view), depth: Arc::new(splat), tolerance })
+    }
+}
+
+impl<'a> Chunk<'a> {
+    fn new(points: &'a [Vec3], number: usize) -> Self {
+        let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for &point in points {
+            (min, max) = (min.min(point), max.max(point));
+        }
+        let (min, max) = (min.as_dvec3(), max.as_dvec3());
+        Self {
+            points,
+            first: (number * CHUNK) as u32,
+            centre: (min + max) / 2.0,
+            radius: (max - min).length() / 2.0,
+            ballots: Ballots::new(points.len()),
+        }
+    }
+
+    /// Counts one frame's votes on the chunk and returns who voted.
+    fn count(&mut self, voting: &Voting<'_>) -> PairWriter {
+        let mut pairs = PairWriter::default();
+        let mut see = |ballots: &mut Ballots, point: u32, (x, y): (u32, u32)| {
+            let vote = voting.mask.as_ref().map(|mask| mask.at(x, y));
+            if let Some(id) = vote {
+                ballots.add(point, id);
+            }
+            pairs.push(Pair { point, x, y, vote });
+        };
+        match &voting.sight {
+            Sight::Known(known) => {
+                let begin = known.partition_point(|seen| seen.point < self.first);
+                let last = self.first + self.points.len() as u32;
+                for seen in known[begin..].iter().take_while(|seen| seen.point < last) {
+                    see(&mut self.ballots, seen.point - self.first, (seen.x, seen.y));
+                }
+            }
+            Sight::Depth { view, depth, tolerance } if view.may_see(self.centre, self.radius) => {
+                for (point, &position) in (0..).zip(self.points) {
+                    let Some(at) = view.project(position) else { continue };
+                    let Some(pixel) = seen_at(depth, &at, *tolerance) else { continue };
+                    see(&mut self.ballots, point, pixel);
+                }
+            }
+            Sight::Depth { .. } => {}
+        }
+        pairs
+    }
+}
+
+fn count_votes(
+    chunks: &mut [Chunk<'_>],
+    voting: &Voting<'_>,
+    keep_pairs: bool,
+    progress: &Progress,
+) -> Result<FramePairs, SceneError> {
+    let counted: Vec<PairWriter> = chunks
+        .par_iter_mut()
+        .map(|chunk| {
+            progress.check()?;
+            let pairs = chunk.count(voting);
+            Ok(if keep_pairs { pairs } else { PairWriter::default() })
+        })
+        .collect::<Result<_, SceneError>>()?;
+    let (frame, (width, height)) = (voting.index as u32, voting.size);
+    let template = FramePairs { frame, width, height, ..FramePairs::default() };
+    Ok(FramePairs::from_chunks(&template, counted.iter().map(|pairs| &pairs.bytes[..])))
+}

@@ -1,0 +1,148 @@
+use std::cmp::{Ordering, Reverse};
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::cells::Cells;
+use super::options::InstanceOptions;
+use crate::SceneError;
+use crate::points::spacing;
+use ostra_core::job::Progress;
+
+/// Points between two looks at the progress.
+const CHUNK: usize = 16_384;
+
+/// Which instance each point belongs to.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Instances {
+    /// Per point the number of its instance, from 1; 0 = none.
+    pub of_points: Vec<u32>,
+    /// Points of each instance: the first entry is that of instance 1.
+    pub sizes: Vec<usize>,
+}
+
+/// Groups of points that hang together: DBSCAN (Ester, Kriegel, Sander, Xu: *A density-based algorithm for discovering
+/// clusters in large spatial databases with noise*, KDD 1996) with a radius in multiples of the points' spacing.
+/// Points with few neighbours belong to the nearest group but link none. The largest comes first; of equal ones that
+/// whose first point by x, y, z comes first. Neither depends on the order of the points.
+///
+/// # Errors
+/// [`SceneError::Request`] for an option out of range, [`SceneError::Stopped`].
+pub fn find_instances(
+    points: &[Vec3],
+    options: &InstanceOptions,
+    progress: &Progress,
+) -> Result<Instances, SceneError> {
+    options.check()?;
+    progress.stage("instances")?;
+    let none = || Instances { of_points: vec![0; points.len()], sizes: Vec::new() };
+    let Some(spacing) = spacing(points) else { return Ok(none()) };
+    let cells = Cells::new(points, options.radius * spacing);
+    let is_core = cores(&cells, points, options.min_neighbours, progress)?;
+    let mut sets = linked(&cells, &is_core, progress)?;
+    let roots: Vec<Option<u32>> = (0..points.len()).map(|k| is_core[k].then(|| sets.root(k as u32))).collect();
+    let joined = joined(&cells, points, &roots, progress)?;
+    Ok(numbered(points, &joined, options.min_points))
+}
+
+/// Whether each point has enough neighbours.
+fn cores(cells: &Cells<'_>, points: &[Vec3], least: usize, progress: &Progress) -> Result<Vec<bool>, SceneError> {
+    let is_core = |k: usize| points[k].is_finite() && cells.neighbours(k).take(least).count() >= least;
+    in_chunks(points.len(), is_core, progress)
+}
+
+/// The sets of points with enough neighbours that are linked.
+fn linked(cells: &Cells<'_>, is_core: &[bool], progress: &Progress) -> Result<Sets, SceneError> {
+    let mut sets = Sets::new(is_core.len());
+    for k in (0..is_core.len()).filter(|&k| is_core[k]) {
+        if k.is_multiple_of(CHUNK) {
+            progress.step(k, is_core.len())?;
+        }
+        for other in cells.neighbours(k).filter(|&other| other < k && is_core[other]) {
+            sets.unite(k as u32, other as u32);
+        }
+    }
+    Ok(sets)
+}
+
+/// The root of each point's set; others than cores take that of the nearest core around.
+fn joined(
+    cells: &Cells<'_>,
+    points: &[Vec3],
+    roots: &[Option<u32>],
+    progress: &Progress,
+) -> Result<Vec<Option<u32>>, SceneError> {
+    let root = |k: usize| {
+        if roots[k].is_some() || !points[k].is_finite() {
+            return roots[k];
+        }
+        let cores = cells.neighbours(k).filter(|&other| roots[other].is_some());
+        let distance = |other: usize| points[other].distance_squared(points[k]);
+        let nearest =
+            cores.min_by(|&a, &b| distance(a).total_cmp(&distance(b)).then_with(|| by_place(points[a], points[b])));
+        nearest.and_then(|core| roots[core])
+    };
+    in_chunks(points.len(), root, progress)
+}
+
+fn in_chunks<T: Send>(count: usize, of: impl Fn(usize) -> T + Sync, progress: &Progress) -> Result<Vec<T>, SceneError> {
+    let chunk = |chunk: usize| {
+        progress.check()?;
+        Ok((chunk * CHUNK..((chunk + 1) * CHUNK).min(count)).map(&of).collect())
+    };
+    let chunks: Vec<Vec<T>> =
+        (0..count.div_ceil(CHUNK)).into_par_iter().map(chunk).collect::<Result<_, SceneError>>()?;
+    Ok(chunks.into_iter().flatten().collect())
+}
+
+/// Sets of enough points, by size and then by place.
+fn numbered(points: &[Vec3], roots: &[Option<u32>], least: usize) -> Instances {
+    let mut sets: BTreeMap<u32, (usize, Vec3)> = BTreeMap::new();
+    for (root, &x) in roots.iter().zip(points).filter_map(|(root, x)| Some(((*root)?, x))) {
+        let (size, first) = sets.entry(root).or_insert((0, x));
+        *size += 1;
+        if by_place(x, *first) == Ordering::Less {
+            *first = x;
+        }
+    }
+    let mut sets: Vec<(u32, usize, Vec3)> = sets
+        .into_iter()
+        .map(|(root, (size, first))| (root, size, first))
+        .filter(|&(_, size, _)| size >= least)
+        .collect();
+    sets.sort_by(|a, b| Reverse(a.1).cmp(&Reverse(b.1)).then_with(|| by_place(a.2, b.2)));
+    let number: BTreeMap<u32, u32> = (1..).zip(&sets).map(|(number, &(root, ..))| (root, number)).collect();
+    let of_point = |root: &Option<u32>| root.and_then(|root| number.get(&root).copied()).unwrap_or(0);
+    Instances { of_points: roots.iter().map(of_point).collect(), sizes: sets.iter().map(|set| set.1).collect() }
+}
+
+fn by_place(a: Vec3, b: Vec3) -> Ordering {
+    a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
+}
+
+/// Disjoint sets with path halving (Tarjan, van Leeuwen, "Worst-case analysis of set union algorithms", Journal of the
+/// ACM 1984); the smallest member is the root.
+struct Sets {
+    parents: Vec<u32>,
+}
+
+impl Sets {
+    fn new(count: usize) -> Self {
+        Self { parents: (0..count as u32).collect() }
+    }
+
+    fn root(&mut self, mut of: u32) -> u32 {
+        while self.parents[of as usize] != of {
+            let above = self.parents[self.parents[of as usize] as usize];
+            self.parents[of as usize] = above;
+            of = above;
+        }
+        of
+    }
+
+    fn unite(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.parents[a.max(b) as usize] = a.min(b);
+    }
+}

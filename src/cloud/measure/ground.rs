@@ -1,0 +1,184 @@
+use glam::DVec3;
+use nalgebra::{Matrix3, SymmetricEigen};
+use rand::RngExt;
+use rand_pcg::Pcg32;
+use serde::{Deserialize, Serialize};
+
+use super::grid::core_extent;
+use super::table::Trait;
+use super::unit::Dimension::Length;
+use crate::{LabelledCloud, SceneError};
+use ostra_core::job::Progress;
+use ostra_masks::LabelId;
+
+/// The plane above which heights are measured.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GroundChoice {
+    /// The largest plane among the points without a label that the labelled ones stand on; no heights where there is none.
+    #[default]
+    Fitted,
+    /// The plane through most points of a label: a table, the soil.
+    Label(LabelId),
+    /// All `x` with `normal · x = offset`, in world units; heights count along the normal.
+    Plane {
+        /// Upwards; of any length above 0.
+        normal: [f64; 3],
+        /// Distance from the origin times the normal's length.
+        offset: f64,
+    },
+}
+
+/// A plane with its up.
+pub(super) struct Ground {
+    /// Unit.
+    up: DVec3,
+    offset: f64,
+    definitions: [&'static str; 2],
+}
+
+/// Draws of three points.
+const DRAWS: usize = 500;
+/// Points that a draw is tried on, at most.
+const TRIED: usize = 4000;
+/// Points lie on a plane within this share of the extent of the labelled ones.
+const TOLERANCE: f64 = 0.01;
+/// Share of the labelled points that stand above a ground.
+const ABOVE: f64 = 0.97;
+/// The lowest labelled points stand within this share of their extent above a ground.
+const STANDS: f64 = 0.2;
+/// Share of the points tried that a ground holds at least.
+const LEAST: f64 = 0.05;
+
+impl Ground {
+    /// # Errors
+    /// [`SceneError::Request`] for a label without points on a plane or a normal of length 0, [`SceneError::Stopped`].
+    pub(super) fn of(
+        cloud: &LabelledCloud,
+        choice: &GroundChoice,
+        progress: &Progress,
+    ) -> Result<Option<Self>, SceneError> {
+        match *choice {
+            GroundChoice::Fitted => {
+                let definitions = [
+                    "height of the highest point above the plane fitted to the points without a label that the labelled \
+                     ones stand on",
+                    "height of the lowest point above the plane fitted to the points without a label that the labelled \
+                     ones stand on",
+                ];
+                Self::fitted(cloud, LabelId::NONE, definitions, progress)
+            }
+            GroundChoice::Label(id) => {
+                let definitions = [
+                    "height of the highest point above the plane fitted to the label chosen as ground",
+                    "height of the lowest point above the plane fitted to the label chosen as ground",
+                ];
+                let name = cloud.tree.get(id).map_or_else(|| id.0.to_string(), |label| label.name.clone());
+                let missing = || {
+                    SceneError::Request(format!("'{name}' has no points on a plane; choose another label as ground"))
+                };
+                Self::fitted(cloud, id, definitions, progress)?.ok_or_else(missing).map(Some)
+            }
+            GroundChoice::Plane { normal, offset } => {
+                let normal = DVec3::from(normal);
+                let up = normal.try_normalize().filter(|_| offset.is_finite()).ok_or_else(|| {
+                    SceneError::Request("the ground's normal has no direction; give another than 0,0,0".into())
+                })?;
+                let definitions = [
+                    "height of the highest point above the given plane",
+                    "height of the lowest point above the given plane",
+                ];
+                Ok(Some(Self { up, offset: offset / normal.length(), definitions }))
+            }
+        }
+    }
+
+    /// The plane through most points of `id` that the other labelled points stand on (RANSAC: Fischler, Bolles, "Random
+    /// sample consensus", Communications of the ACM 1981), refined by least squares.
+    fn fitted(
+        cloud: &LabelledCloud,
+        id: LabelId,
+        definitions: [&'static str; 2],
+        progress: &Progress,
+    ) -> Result<Option<Self>, SceneError> {
+        let own = |label: LabelId| label == id || cloud.tree.path(label).contains(&id);
+        let floor = sample(cloud, own);
+        let standing = sample(cloud, |label| label != LabelId::NONE && !own(label));
+        let is_chosen = id != LabelId::NONE;
+        let Some(extent) = core_extent(if standing.is_empty() { &floor } else { &standing }) else { return Ok(None) };
+        let tolerance = TOLERANCE * extent;
+        let mut dice = Pcg32::new(5, 29);
+        let mut best: Option<(usize, Self)> = None;
+        for _ in 0..DRAWS {
+            progress.check()?;
+            if floor.len() < 3 {
+                break;
+            }
+            let [a, b, c] = [(); 3].map(|()| floor[dice.random_range(0..floor.len())]);
+            let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
+            let plane = Self { up: normal, offset: normal.dot(a), definitions }.upright(&standing);
+            let held = floor.iter().filter(|&&x| plane.height(x).abs() <= tolerance).count();
+            let better = best.as_ref().is_none_or(|(most, _)| held > *most);
+            if better && (is_chosen || plane.carries(&standing, extent)) {
+                best = Some((held, plane));
+            }
+        }
+        let enough = best.filter(|(held, _)| *held >= 3 && *held as f64 >= LEAST * floor.len() as f64);
+        Ok(enough.map(|(_, plane)| plane.refined(&floor, tolerance).refined(&floor, tolerance)))
+    }
+
+    /// Turned so that most of the points are above it.
+    fn upright(self, points: &[DVec3]) -> Self {
+        let above = points.iter().filter(|&&x| self.height(x) > 0.0).count();
+        if 2 * above >= points.len() { self } else { Self { up: -self.up, offset: -self.offset, ..self } }
+    }
+
+    fn carries(&self, points: &[DVec3], extent: f64) -> bool {
+        let mut heights: Vec<f64> = points.iter().map(|&x| self.height(x)).collect();
+        heights.sort_by(f64::total_cmp);
+        let Some(&lowest) = heights.get(((1.0 - ABOVE) * heights.len() as f64) as usize) else { return false };
+        (-TOLERANCE * extent..=STANDS * extent).contains(&lowest)
+    }
+
+    fn refined(self, points: &[DVec3], tolerance: f64) -> Self {
+        let held: Vec<DVec3> = points.iter().copied().filter(|&x| self.height(x).abs() <= tolerance).collect();
+        if held.len() < 3 {
+            return self;
+        }
+        let mean = held.iter().sum::<DVec3>() / held.len() as f64;
+        let mut scatter = Matrix3::<f64>::zeros();
+        for &x in &held {
+            let d = nalgebra::Vector3::from((x - mean).to_array());
+            scatter += d * d.transpose();
+        }
+        let eigen = SymmetricEigen::new(scatter);
+        let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin());
+        let up = DVec3::new(normal[0], normal[1], normal[2]).normalize_or(self.up);
+        let up = if up.dot(self.up) < 0.0 { -up } else { up };
+        Self { up, offset: up.dot(mean), ..self }
+    }
+
+    fn height(&self, x: DVec3) -> f64 {
+        self.up.dot(x) - self.offset
+    }
+
+    /// Heights of the highest and the lowest of some points.
+    pub(super) fn traits(&self, points: &[DVec3]) -> Vec<Trait> {
+        let heights = || points.iter().map(|&x| self.height(x));
+        let (Some(highest), Some(lowest)) = (heights().max_by(f64::total_cmp), heights().min_by(f64::total_cmp)) else {
+            return Vec::new();
+        };
+        let found = |name, value, definition| Trait::new(name, (value, Length), definition, points.len());
+        let [top, bottom] = self.definitions;
+        vec![found("height_max", highest, top), found("height_min", lowest, bottom)]
+    }
+}
+
+/// An even sample of the points whose label is wanted.
+fn sample(cloud: &LabelledCloud, wanted: impl Fn(LabelId) -> bool) -> Vec<DVec3> {
+    let table: Vec<bool> = (0..=u16::MAX).map(|id| wanted(LabelId(id))).collect();
+    let labelled = cloud.positions.iter().zip(&cloud.labels);
+    let all: Vec<DVec3> =
+        labelled.filter(|(x, label)| table[usize::from(label.0)] && x.is_finite()).map(|(x, _)| x.as_dvec3()).collect();
+    all.iter().copied().step_by(all.len().div_ceil(TRIED).max(1)).collect()
+}

@@ -1,0 +1,221 @@
+use glam::DVec3;
+
+use super::area::surface_areas;
+use super::body::Body;
+use super::bridge::join_rods;
+use super::bulk::bulk;
+use super::extent::extent_traits;
+use super::grid::{components, median_spacing, thinned};
+use super::ground::{Ground, GroundChoice};
+use super::insertion::insertion_angle;
+use super::table::{Trait, TraitRow};
+use super::unit::Dimension;
+use crate::{LabelledCloud, SceneError};
+use ostra_core::job::{Progress, Stopped};
+use ostra_masks::{LabelId, LabelTree};
+
+/// How traits are measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasureOptions {
+    /// Only labels at this depth of the tree (1 = top), deeper ones counted as theirs; `None` = every label that has
+    /// points, itself or below it.
+    pub level: Option<usize>,
+    /// Points at most this many spacings (median distances to the nearest neighbour) apart hang together, 1.5–10.
+    pub link: f64,
+    /// Groups of fewer points are no instance, 4–1 000 000.
+    pub min_points: usize,
+    /// Rods are joined across gaps up to this many times their common length, 0–10.
+    pub bridge: f64,
+    /// Insertion angles are taken over this length of the blade, in world units, above 0; 30 mm in a metric cloud.
+    pub insertion_reach: f64,
+    /// The plane above which heights are measured.
+    pub ground: GroundChoice,
+}
+
+impl Default for MeasureOptions {
+    fn default() -> Self {
+        Self {
+            level: None,
+            link: 3.0,
+            min_points: 50,
+            bridge: 1.5,
+            insertion_reach: 0.03,
+            ground: GroundChoice::Fitted,
+        }
+    }
+}
+
+/// More points of a label than this are thinned first.
+const MOST_POINTS: usize = 200_000;
+
+/// A label with its instances.
+pub(super) struct Measured {
+    pub(super) id: LabelId,
+    count: usize,
+    /// All its points but stray specks, thinned.
+    points: Vec<DVec3>,
+    /// How many of the thinned points are such specks.
+    stray: usize,
+    /// Of the thinned points.
+    spacing: f64,
+    /// Of what `points` cover.
+    area: f64,
+    pub(super) bodies: Vec<Body>,
+}
+
+/// Measures every label of a cloud: number of points and instances, area, hull volume and sizes of the whole
+/// (instance 0) and of each instance (1 = the one with the most points), length along the middle line, diameter of
+/// rods, width of sheets, the angle at which a sheet leaves a rod, and heights above the ground. Rows are ordered by
+/// label id, then instance.
+///
+/// # Errors
+/// [`SceneError::Request`] for an option out of range or a cloud without labelled points, [`SceneError::Stopped`].
+pub fn measure(
+    cloud: &LabelledCloud,
+    options: &MeasureOptions,
+    progress: &Progress,
+) -> Result<Vec<TraitRow>, SceneError> {
+    options.check()?;
+    progress.stage("measure")?;
+    let ids: Vec<LabelId> =
+        cloud.tree.iter().map(|label| label.id).filter(|&id| wanted(&cloud.tree, id, options)).collect();
+    let mut labels = Vec::new();
+    for (k, &id) in ids.iter().enumerate() {
+        progress.step(k, 2 * ids.len())?;
+        let points = points_of(cloud, id);
+        if !points.is_empty() {
+            labels.push(Measured::new(id, &points, options, progress)?);
+        }
+    }
+    if labels.is_empty() {
+        return Err(SceneError::Request(
+            "the cloud has no labelled points to measure; fuse masks into it first".into(),
+        ));
+    }
+    let ground = Ground::of(cloud, &options.ground, progress)?;
+    let mut rows = Vec::new();
+    for (k, label) in labels.iter().enumerate() {
+        progress.step(ids.len() + k, ids.len() + labels.len())?;
+        for (instance, mut traits) in label.traits().into_iter().enumerate() {
+            let body = instance.checked_sub(1).map(|k| &label.bodies[k]);
+            let points = body.map_or(&label.points, |body| &body.points);
+            let stray = if body.is_some() { 0 } else { label.stray };
+            let heights = ground.iter().flat_map(|ground| ground.traits(points));
+            traits.extend(heights.map(|found| found.leaving_out(stray)));
+            traits.extend(body.and_then(|body| insertion(&cloud.tree, (label.id, body), &labels, options)));
+            rows.extend(traits.into_iter().map(|found| found.row(&cloud.tree, label.id, instance)));
+        }
+    }
+    Ok(rows)
+}
+
+impl MeasureOptions {
+    pub(super) fn check(&self) -> Result<(), SceneError> {
+        let ranges = [
+            ("link", self.link, 1.5, 10.0),
+            ("smallest instance in points", self.min_points as f64, 4.0, 1e6),
+            ("bridge", self.bridge, 0.0, 10.0),
+            ("length for insertion angles", self.insertion_reach, f64::MIN_POSITIVE, f64::MAX),
+        ];
+        match ranges.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
+            Some((what, value, low, high)) => {
+                Err(SceneError::Request(format!("the {what} is {value}; choose {low} to {high}")))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+fn wanted(tree: &LabelTree, id: LabelId, options: &MeasureOptions) -> bool {
+    let depth = tree.depth(id);
+    let is_leaf = || !tree.iter().any(|label| label.parent == Some(id));
+    options.level.is_none_or(|level| depth == level.max(1) || (depth < level && is_leaf()))
+}
+
+/// Points whose label is `id` or, in the tree, below it. A point with a coordinate that is not finite is left out.
+pub(super) fn points_of(cloud: &LabelledCloud, id: LabelId) -> Vec<DVec3> {
+    let mut counts = vec![false; usize::from(u16::MAX) + 1];
+    for label in cloud.tree.iter().filter(|label| cloud.tree.path(label.id).contains(&id)) {
+        counts[usize::from(label.id.0)] = true;
+    }
+    let labelled = cloud.positions.iter().zip(&cloud.labels);
+    labelled.filter(|(x, label)| counts[usize::from(label.0)] && x.is_finite()).map(|(x, _)| x.as_dvec3()).collect()
+}
+
+/// Whether one label is the other or lies above it.
+fn related(tree: &LabelTree, a: LabelId, b: LabelId) -> bool {
+    tree.path(a).contains(&b) || tree.path(b).contains(&a)
+}
+
+/// The angle at which a body leaves a rod of a label that is not its own.
+fn insertion(
+    tree: &LabelTree,
+    (id, body): (LabelId, &Body),
+    labels: &[Measured],
+    options: &MeasureOptions,
+) -> Option<Trait> {
+    let others = labels.iter().filter(|other| !related(tree, other.id, id));
+    let rods = others.flat_map(|label| label.rods().map(move |rod| (label.id, rod)));
+    let (angle, (of, rod)) = insertion_angle(body, rods, options.insertion_reach)?;
+    let name = tree.get(of).map_or("", |label| label.name.as_str());
+    let definition = format!(
+        "angle between the axis of the rod that the sheet leaves ({name}) and the chord of its midrib's first part, 0 to 90"
+    );
+    let points = body.points.len() + rod.points.len();
+    Some(Trait::new("insertion_angle", (angle, Dimension::Angle), definition, points))
+}
+
+impl Measured {
+    pub(super) fn new(
+        id: LabelId,
+        all: &[DVec3],
+        options: &MeasureOptions,
+        progress: &Progress,
+    ) -> Result<Self, Stopped> {
+        let mut least = median_spacing(all);
+        let mut points = if least > 0.0 { thinned(all, least) } else { all.to_vec() };
+        while points.len() > MOST_POINTS && least > 0.0 {
+            progress.check()?;
+            least *= (points.len() as f64 / MOST_POINTS as f64).sqrt().max(1.1);
+            points = thinned(&points, least);
+        }
+        let spacing = median_spacing(&points);
+        let areas = surface_areas(&points, spacing, progress)?;
+        let reach = options.link * spacing;
+        let pieces = if spacing > 0.0 { components(&points, reach) } else { Vec::new() };
+        let mut bodies = Vec::new();
+        for group in pieces.iter().filter(|group| group.len() >= options.min_points) {
+            progress.check()?;
+            let surface = (group.iter().map(|&k| points[k]).collect(), group.iter().map(|&k| areas[k]).sum());
+            bodies.push(Body::new(surface, spacing, reach, progress)?);
+        }
+        let (kept, bodies) = (bulk(&pieces, points.len()), join_rods(bodies, options.bridge));
+        let (stray, area) = (points.len() - kept.len(), kept.iter().map(|&k| areas[k]).sum());
+        let points = kept.iter().map(|&k| points[k]).collect();
+        Ok(Self { id, count: all.len(), points, stray, spacing, area, bodies })
+    }
+
+    fn rods(&self) -> impl Iterator<Item = &Body> {
+        self.bodies.iter().filter(|body| body.diameter().is_some())
+    }
+
+    /// Traits of the whole, then of each instance, without those that need others.
+    fn traits(&self) -> Vec<Vec<Trait>> {
+        let count = |name, value: usize, definition, points| {
+            Trait::new(name, (value as f64, Dimension::Count), definition, points)
+        };
+        let all = self.count;
+        let mut whole = vec![
+            count("points", all, "number of points with the label or one below it", all),
+            count(
+                "instances",
+                self.bodies.len(),
+                "number of groups of points that hang together",
+                self.points.len() + self.stray,
+            ),
+        ];
+        let extent = extent_traits(&self.points, self.area, self.spacing);
+        whole.extend(extent.into_iter().map(|found| found.leaving_out(self.stray)));
+        std::iter::once(whole).chain(self.bodies.iter().map(|body| body.traits(self.spacing))).collect()
+    }
+}

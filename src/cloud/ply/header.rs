@@ -1,0 +1,252 @@
+use std::collections::BTreeMap;
+use std::io::BufRead;
+
+use ply_rs::parser::Parser;
+use ply_rs::ply::{Addable, ElementDef, Encoding, Header, PropertyDef, PropertyType, ScalarType};
+
+use super::vertex::{Slot, Vertex};
+use ostra_core::disk;
+
+/// A header longer than this is no PLY header. One of 65,535 labels with long names takes a tenth of it.
+const MAX_HEADER_BYTES: usize = 64 << 20;
+
+/// What Windows editors and some exporters put before text in UTF-8.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// What a file's header says about its vertices.
+#[derive(Debug)]
+pub(super) struct Layout {
+    pub(super) encoding: Encoding,
+    pub(super) comments: Vec<String>,
+    /// Elements before the vertices, which must be read over.
+    pub(super) before: Vec<ElementDef>,
+    /// The vertices, their properties renamed by [`Slot::property_name`].
+    pub(super) vertex: ElementDef,
+    /// Elements after the vertices; the last one is the faces, where the file has some.
+    pub(super) after: Vec<ElementDef>,
+    /// Slot of each vertex property, in the file's order; `None` = a list.
+    pub(super) columns: Vec<Option<Slot>>,
+    /// How colours are stored.
+    pub(super) colors: StoredColors,
+    /// Whether the positions are stored in 64 bits.
+    pub(super) double_positions: bool,
+}
+
+/// How a file stores its colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum StoredColors {
+    /// 0 to 255.
+    Bytes,
+    /// A wider type, whose range only the values show: 0 to 1, 0 to 255 or 0 to 65535.
+    Wide {
+        /// Whether the type is a floating one.
+        floating: bool,
+    },
+}
+
+impl Layout {
+    /// Checks that a file of `bytes` bytes can hold what its header lists, before any of it is read: a header can claim
+    /// any number of points or faces.
+    pub(super) fn check_counts(&self, bytes: u64) -> Result<(), String> {
+        for element in self.before.iter().chain([&self.vertex]).chain(&self.after) {
+            let each = match self.encoding {
+                Encoding::Ascii => 1,
+                _ => element.properties.iter().map(|(_, property)| least_bytes(&property.data_type)).sum(),
+            };
+            if (element.count as u64).saturating_mul(each) > bytes {
+                return Err(format!(
+                    "its header lists {} of the element '{}', but the file has only {bytes} bytes and ends early; it is \
+                     damaged or cut off",
+                    element.count, element.name
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the file has this property.
+    pub(super) fn has(&self, slot: Slot) -> bool {
+        self.columns.contains(&Some(slot))
+    }
+
+    /// Reads a header up to and with its `end_header` line.
+    ///
+    /// ply-rs refuses property names with other signs than letters, digits, `_` and `-` (CloudCompare writes
+    /// `scalar_Scalar_field_#2`), keeps only the last of two properties of one name and wants UTF-8 in comments; so it
+    /// is given numbers for names and the real ones are kept beside them.
+    pub(super) fn read(reader: &mut impl BufRead) -> Result<Self, String> {
+        let lines = header_lines(reader)?;
+        let mut names: Vec<Vec<String>> = Vec::new();
+        let text: String = lines.iter().map(|line| number_properties(line, &mut names)).collect();
+        let header = Parser::<Vertex>::new().read_ply_header(&mut text.as_bytes()).map_err(|error| {
+            format!("its header cannot be understood ({}); is it a PLY file?", first_line(&error.to_string()))
+        })?;
+        if header.elements.len() != names.len() {
+            return Err("two elements of its header have the same name; write it anew with another program".into());
+        }
+        Self::from_header(header, &names)
+    }
+
+    fn from_header(header: Header, names: &[Vec<String>]) -> Result<Self, String> {
+        let place = header
+            .elements
+            .keys()
+            .position(|name| name == "vertex")
+            .ok_or("it has no element 'vertex', so no points; export it as a point cloud or mesh with vertices")?;
+        let faces = header.elements.keys().position(|name| name == "face");
+        let mut elements: Vec<ElementDef> = header.elements.into_iter().map(|(_, element)| element).collect();
+        let mut after = elements.split_off(place + 1);
+        after.truncate(faces.filter(|&faces| faces > place).map_or(0, |faces| faces - place));
+        let Some(found) = elements.pop() else { return Err("it has no points".into()) };
+        let mut layout = Self {
+            encoding: header.encoding,
+            comments: header.comments,
+            before: elements,
+            vertex: ElementDef::new(found.name),
+            after,
+            columns: Vec::new(),
+            colors: StoredColors::Bytes,
+            double_positions: false,
+        };
+        layout.vertex.count = found.count;
+        let taken: Vec<(PropertyType, Slot)> = slots(&names[place], found.properties.into_iter().map(|(_, p)| p));
+        for (data_type, slot) in taken {
+            layout.add(slot, data_type);
+        }
+        match [Slot::X, Slot::Y, Slot::Z].into_iter().find(|&slot| !layout.has(slot)) {
+            Some(slot) => Err(format!("its vertices have no '{}'", format!("{slot:?}").to_lowercase())),
+            None => Ok(layout),
+        }
+    }
+
+    fn add(&mut self, slot: Slot, data_type: PropertyType) {
+        let column = self.columns.len();
+        if let PropertyType::Scalar(scalar) = &data_type {
+            match slot {
+                Slot::Red | Slot::Green | Slot::Blue => self.colors = self.colors.with(scalar),
+                Slot::X => self.double_positions = *scalar == ScalarType::Double,
+                _ => {}
+            }
+            self.columns.push(Some(slot));
+        } else {
+            self.columns.push(None);
+        }
+        self.vertex.properties.add(PropertyDef::new(slot.property_name(column), data_type));
+    }
+}
+
+/// The header's lines, each with its line break; bytes that are no UTF-8 are replaced.
+fn header_lines(reader: &mut impl BufRead) -> Result<Vec<String>, String> {
+    let mut lines = Vec::new();
+    let mut bytes = 0;
+    disk::skip_mark(reader).map_err(|error| format!("its header cannot be read ({error})"))?;
+    loop {
+        let mut line = Vec::new();
+        let mut limited = std::io::Read::take(&mut *reader, MAX_HEADER_BYTES as u64);
+        limited.read_until(b'\n', &mut line).map_err(|error| format!("its header cannot be read ({error})"))?;
+        bytes += line.len();
+        if lines.is_empty() && line.starts_with(BYTE_ORDER_MARK) {
+            line.drain(..BYTE_ORDER_MARK.len());
+        }
+        if lines.is_empty() && line.trim_ascii() != b"ply" {
+            return Err("it does not begin with 'ply', so it is no PLY file".into());
+        }
+        if line.is_empty() || bytes > MAX_HEADER_BYTES {
+            return Err("its header has no end ('end_header' is missing); the file is cut off or no PLY file".into());
+        }
+        let end = line.trim_ascii() == b"end_header";
+        lines.push(format!("{}\n", String::from_utf8_lossy(line.trim_ascii_end())));
+        if end {
+            return Ok(lines);
+        }
+    }
+}
+
+/// The line with a property's name replaced by its number, the name itself put into `names` (element by element).
+fn number_properties(line: &str, names: &mut Vec<Vec<String>>) -> String {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    match words.first() {
+        Some(&"element") => names.push(Vec::new()),
+        Some(&"property") => {
+            if let (Some(element), Some((name, rest))) = (names.last_mut(), words.split_last()) {
+                let numbered = format!("{} c{}\n", rest.join(" "), element.len());
+                element.push((*name).to_string());
+                return numbered;
+            }
+        }
+        _ => {}
+    }
+    line.to_string()
+}
+
+/// The slot of each property: the best-ranked name wins a slot, the others are [`Slot::Other`].
+fn slots(names: &[String], properties: impl Iterator<Item = PropertyDef>) -> Vec<(PropertyType, Slot)> {
+    let mut best: BTreeMap<u8, (usize, usize)> = BTreeMap::new();
+    let mut columns = Vec::new();
+    for (column, property) in properties.enumerate() {
+        let scalar = matches!(property.data_type, PropertyType::Scalar(_));
+        let meaning = names.get(column).filter(|_| scalar).and_then(|name| slot_of(name));
+        if let Some((slot, rank)) = meaning {
+            let first = best.entry(slot as u8).or_insert((rank, column));
+            *first = (*first).min((rank, column));
+        }
+        columns.push((property.data_type, meaning.map_or(Slot::Other, |(slot, _)| slot)));
+    }
+    for (column, (_, slot)) in columns.iter_mut().enumerate() {
+        if best.get(&(*slot as u8)).is_some_and(|&(_, winner)| winner != column) {
+            *slot = Slot::Other;
+        }
+    }
+    columns
+}
+
+/// What a property's name means, and how far down the list of names for it the name stands.
+fn slot_of(name: &str) -> Option<(Slot, usize)> {
+    const NAMES: [(Slot, &[&str]); 11] = [
+        (Slot::X, &["x", "px", "pos_x"]),
+        (Slot::Y, &["y", "py", "pos_y"]),
+        (Slot::Z, &["z", "pz", "pos_z"]),
+        (Slot::Nx, &["nx", "normal_x"]),
+        (Slot::Ny, &["ny", "normal_y"]),
+        (Slot::Nz, &["nz", "normal_z"]),
+        (Slot::Red, &["red", "r", "diffuse_red"]),
+        (Slot::Green, &["green", "g", "diffuse_green"]),
+        (Slot::Blue, &["blue", "b", "diffuse_blue"]),
+        (Slot::Label, &["label", "labels", "label_id", "class", "classification", "class_id", "instance", "category"]),
+        (Slot::Confidence, &["confidence"]),
+    ];
+    let lower = name.to_ascii_lowercase();
+    let plain = lower.strip_prefix("scalar_").unwrap_or(&lower);
+    NAMES.iter().find_map(|&(slot, names)| Some((slot, names.iter().position(|&known| known == plain)?)))
+}
+
+impl StoredColors {
+    /// The storage of all channels, when one more is stored as `scalar`.
+    fn with(self, scalar: &ScalarType) -> Self {
+        let floating = match scalar {
+            ScalarType::Char | ScalarType::UChar => return self,
+            ScalarType::Float | ScalarType::Double => true,
+            _ => false,
+        };
+        Self::Wide { floating: floating || self == Self::Wide { floating: true } }
+    }
+}
+
+/// Least number of bytes that a property takes in a binary file.
+fn least_bytes(data_type: &PropertyType) -> u64 {
+    let scalar = match data_type {
+        PropertyType::Scalar(scalar) => scalar,
+        PropertyType::List(count, _) => count,
+    };
+    match scalar {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    }
+}
+
+/// The first line of a message of ply-rs, which may have several.
+pub(super) fn first_line(text: &str) -> &str {
+    text.lines().next().unwrap_or_default().trim_end_matches('.')
+}

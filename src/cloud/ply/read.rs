@@ -1,0 +1,353 @@
+use std::io::{BufRead, BufReader, ErrorKind};
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use ply_rs::parser::Parser;
+use ply_rs::ply::{ElementDef, Encoding};
+
+use super::ascii;
+use super::faces::read_faces;
+use super::header::{Layout, StoredColors, first_line};
+use super::names::{origin_from_comments, tree_from_comments};
+use super::vertex::{Slot, Vertex};
+use crate::labelled_cloud::name_unknown_labels;
+use crate::{LabelledCloud, LabelledMesh, SceneError};
+use ostra_core::disk;
+use ostra_core::job::Progress;
+use ostra_masks::LabelId;
+
+/// Points between two looks at the stop sign.
+const STRIDE: usize = 1 << 16;
+/// From here on coordinates of more than 32 bits become relative to an origin.
+const FAR: f64 = 1000.0;
+/// That origin is a multiple of this.
+const ORIGIN_STEP: f64 = 100.0;
+/// Points that the origin is chosen by.
+const ORIGIN_POINTS: usize = 4096;
+
+/// A cloud read from a PLY file, and what the file had.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlyCloud {
+    /// The points. Grey where the file has no colours; normals zero, labels 0 where it has none; confidence 1 for a
+    /// labelled point where it has none. Positions of more digits than 32 bits hold are relative to `cloud.origin`. Ids without a name in the file have a label named after the number.
+    pub cloud: LabelledCloud,
+    /// Whether the file has labels.
+    pub has_labels: bool,
+    /// Whether the file has normals.
+    pub has_normals: bool,
+    /// Whether the file has colours.
+    pub has_colors: bool,
+    /// What the user should know: points dropped because their position is no finite number (organised clouds mark
+    /// holes so), labels that mean "none", the range that colours were taken for.
+    pub warnings: Vec<String>,
+}
+
+/// Reads the vertices of a PLY file: ASCII or binary of either byte order, properties in any order and type, labels
+/// under any of the usual names (`label`, `scalar_Label`, `class`, `classification`, …); faces and other elements are
+/// read over.
+///
+/// # Errors
+/// [`SceneError::Io`]; [`SceneError::Invalid`] for a file that is no PLY file, has no vertices, is cut off, or has a
+/// label that is no whole number up to 65535; [`SceneError::Stopped`]. Negative labels, NaN and −1 stored without a sign
+/// mean "none" in other programs and are read as 0, with a warning.
+pub fn read_ply(path: &Path, progress: &Progress) -> Result<PlyCloud, SceneError> {
+    let io = |reason| SceneError::Io { path: path.to_path_buf(), reason };
+    let file = disk::open_regular(path).map_err(io)?;
+    let bytes = file.metadata().map_err(io)?.len();
+    let mut reader = BufReader::with_capacity(1 << 18, file);
+    read_or(path, || read_from(&mut reader, bytes, progress))
+}
+
+/// Reads a PLY file with its faces, which must stand after its vertices; faces of more corners are cut into triangles.
+///
+/// # Errors
+/// As [`read_ply`], and [`SceneError::Invalid`] where there are no faces, or vertices without a finite position, or a face
+/// names a vertex that is not there.
+pub fn read_mesh(path: &Path, progress: &Progress) -> Result<LabelledMesh, SceneError> {
+    let io = |reason| SceneError::Io { path: path.to_path_buf(), reason };
+    let file = disk::open_regular(path).map_err(io)?;
+    let bytes = file.metadata().map_err(io)?.len();
+    let mut reader = BufReader::with_capacity(1 << 18, file);
+    let read = || -> Result<LabelledMesh, Fault> {
+        let layout = Layout::read(&mut reader)?;
+        let vertices = read_vertices(&mut reader, &layout, bytes, progress)?.cloud;
+        if vertices.len() != layout.vertex.count {
+            return Err("some of its vertices have no finite position; repair the mesh".to_owned().into());
+        }
+        let triangles = read_faces(&mut reader, &layout, vertices.len(), progress)?;
+        Ok(LabelledMesh { vertices, triangles })
+    };
+    read_or(path, read)
+}
+
+fn read_or<T>(path: &Path, read: impl FnOnce() -> Result<T, Fault>) -> Result<T, SceneError> {
+    read().map_err(|fault| match fault {
+        Fault::Content(what) => SceneError::Invalid { path: path.to_path_buf(), what },
+        Fault::Stopped(stopped) => stopped.into(),
+    })
+}
+
+/// Why reading ended early.
+#[derive(Debug)]
+pub(super) enum Fault {
+    Content(String),
+    Stopped(ostra_core::job::Stopped),
+}
+
+impl From<String> for Fault {
+    fn from(what: String) -> Self {
+        Self::Content(what)
+    }
+}
+
+/// Reads a PLY file of `bytes` bytes from its beginning.
+pub(super) fn read_from(reader: &mut impl BufRead, bytes: u64, progress: &Progress) -> Result<PlyCloud, Fault> {
+    let layout = Layout::read(reader)?;
+    read_vertices(reader, &layout, bytes, progress)
+}
+
+fn read_vertices(
+    reader: &mut impl BufRead,
+    layout: &Layout,
+    bytes: u64,
+    progress: &Progress,
+) -> Result<PlyCloud, Fault> {
+    layout.check_counts(bytes)?;
+    layout.before.iter().try_for_each(|element| skip(reader, layout, element, progress))?;
+    let count = layout.vertex.count;
+    // A header can claim any number of points: never reserve more than the file can hold.
+    let mut builder = Builder::new(layout, count.min(usize::try_from(bytes).unwrap_or(usize::MAX) / 3));
+    let mut line = String::new();
+    for index in 0..count {
+        if index % STRIDE == 0 {
+            progress.step(index, count).map_err(Fault::Stopped)?;
+        }
+        let vertex = read_vertex(reader, layout, &mut line).map_err(|what| {
+            format!("point {index} of {count} cannot be read ({what}); the file is damaged or cut off")
+        })?;
+        builder.push(&vertex).map_err(|what| format!("point {index}: {what}"))?;
+    }
+    Ok(builder.finish(layout))
+}
+
+fn read_vertex(reader: &mut impl BufRead, layout: &Layout, line: &mut String) -> Result<Vertex, String> {
+    let parser = Parser::<Vertex>::new();
+    let read = match layout.encoding {
+        Encoding::Ascii => return ascii::read_vertex(reader, layout, line),
+        Encoding::BinaryBigEndian => parser.read_big_endian_element(reader, &layout.vertex),
+        Encoding::BinaryLittleEndian => parser.read_little_endian_element(reader, &layout.vertex),
+    };
+    read.map_err(|error| match error.kind() {
+        ErrorKind::UnexpectedEof => "the file ends early".into(),
+        _ => first_line(&error.to_string()).to_string(),
+    })
+}
+
+/// Reads over an element that is not wanted.
+pub(super) fn skip(
+    reader: &mut impl BufRead,
+    layout: &Layout,
+    element: &ElementDef,
+    progress: &Progress,
+) -> Result<(), Fault> {
+    if element.properties.is_empty() && layout.encoding != Encoding::Ascii {
+        return Ok(());
+    }
+    let parser = Parser::<Vertex>::new();
+    for index in 0..element.count {
+        if index % STRIDE == 0 {
+            progress.check().map_err(Fault::Stopped)?;
+        }
+        let read = match layout.encoding {
+            Encoding::Ascii => ascii::skip_lines(reader, 1),
+            Encoding::BinaryBigEndian => {
+                parser.read_big_endian_element(reader, element).map(drop).map_err(|error| error.to_string())
+            }
+            Encoding::BinaryLittleEndian => {
+                parser.read_little_endian_element(reader, element).map(drop).map_err(|error| error.to_string())
+            }
+        };
+        read.map_err(|what| {
+            format!("element '{}' cannot be read ({}); the file is damaged or cut off", element.name, first_line(&what))
+        })?;
+    }
+    Ok(())
+}
+
+/// Gathers vertices into a cloud.
+struct Builder {
+    cloud: LabelledCloud,
+    /// Colours as stored, where their range is known only at the end.
+    wide_colors: Vec<[f32; 3]>,
+    colors: StoredColors,
+    has_colors: bool,
+    has_confidence: bool,
+    dropped: usize,
+    /// Points whose label means "none", and the first such label.
+    without_label: Option<(usize, f64)>,
+    /// Whether the file may hold more digits than 32 bits do.
+    is_exact: bool,
+    /// What positions are reduced by, once enough points are known to choose it.
+    shift: Option<DVec3>,
+    /// The positions until then.
+    first: Vec<DVec3>,
+}
+
+impl Builder {
+    fn new(layout: &Layout, capacity: usize) -> Self {
+        let cloud = LabelledCloud {
+            positions: Vec::with_capacity(capacity),
+            normals: Vec::with_capacity(capacity),
+            colors: Vec::with_capacity(capacity),
+            labels: Vec::with_capacity(capacity),
+            confidence: Vec::with_capacity(capacity),
+            tree: tree_from_comments(&layout.comments),
+            origin: origin_from_comments(&layout.comments),
+        };
+        Self {
+            cloud,
+            wide_colors: Vec::new(),
+            colors: layout.colors,
+            has_colors: layout.has(Slot::Red) && layout.has(Slot::Green) && layout.has(Slot::Blue),
+            has_confidence: layout.has(Slot::Confidence),
+            is_exact: layout.double_positions || layout.encoding == Encoding::Ascii,
+            shift: None,
+            first: Vec::new(),
+            dropped: 0,
+            without_label: None,
+        }
+    }
+
+    fn push(&mut self, vertex: &Vertex) -> Result<(), String> {
+        let exact = DVec3::new(vertex.at(Slot::X), vertex.at(Slot::Y), vertex.at(Slot::Z));
+        if !exact.as_vec3().is_finite() {
+            self.dropped += 1;
+            return Ok(());
+        }
+        let stored = vertex.at(Slot::Label);
+        let label = if means_no_label(stored) {
+            self.without_label.get_or_insert((0, stored)).0 += 1;
+            LabelId::NONE
+        } else {
+            label_id(stored)?
+        };
+        self.push_position(exact);
+        self.cloud.normals.push(self.normal(vertex));
+        let color = [Slot::Red, Slot::Green, Slot::Blue].map(|slot| vertex.at(slot));
+        match self.colors {
+            _ if !self.has_colors => self.cloud.colors.push([192; 3]),
+            StoredColors::Bytes => self.cloud.colors.push(color.map(|channel| channel as u8)),
+            StoredColors::Wide { .. } => self.wide_colors.push(color.map(|channel| channel as f32)),
+        }
+        self.cloud.labels.push(label);
+        self.cloud.confidence.push(self.confidence(vertex, label));
+        Ok(())
+    }
+
+    fn push_position(&mut self, exact: DVec3) {
+        if let Some(shift) = self.shift {
+            self.cloud.positions.push((exact - shift).as_vec3());
+            return;
+        }
+        self.first.push(exact);
+        if self.first.len() == ORIGIN_POINTS {
+            self.choose_origin();
+        }
+    }
+
+    /// Where the file has more digits than 32 bits hold and most of its first points lie far from zero, positions become
+    /// relative to an origin near those. A hole stored as zero, or one distant point, has no influence.
+    fn choose_origin(&mut self) {
+        let median = |axis: usize| {
+            let mut along: Vec<f64> = self.first.iter().map(|at| at[axis]).collect();
+            let middle = along.len() / 2;
+            *along.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
+        let is_far = |at: DVec3| self.is_exact && at.abs().max_element() >= FAR;
+        let median = (!self.first.is_empty()).then(|| DVec3::from_array([0, 1, 2].map(median)));
+        let shift = median.filter(|&at| is_far(at)).map_or(DVec3::ZERO, |at| (at / ORIGIN_STEP).round() * ORIGIN_STEP);
+        // Adding zero turns -0 into 0.
+        let shift = shift + DVec3::ZERO;
+        self.shift = Some(shift);
+        self.cloud.positions.extend(self.first.drain(..).map(|exact| (exact - shift).as_vec3()));
+    }
+
+    fn normal(&self, vertex: &Vertex) -> Vec3 {
+        let normal = DVec3::new(vertex.at(Slot::Nx), vertex.at(Slot::Ny), vertex.at(Slot::Nz)).as_vec3();
+        // Unit normals stay bit for bit, so that writing what was read gives the same file.
+        if normal.is_normalized() { normal } else { normal.normalize_or_zero() }
+    }
+
+    /// Brings colours of a wide type to 0–255. Returns what the user should know about the range that was taken.
+    fn scale_colors(&mut self) -> Option<String> {
+        let StoredColors::Wide { floating } = self.colors else { return None };
+        if !self.has_colors {
+            return None;
+        }
+        let channels = || self.wide_colors.iter().flatten().copied();
+        let highest = channels().filter(|channel| channel.is_finite()).fold(0.0f32, f32::max);
+        // A little above the end of a range is rounding.
+        let (range, usual) = match highest {
+            _ if floating && highest <= 1.01 => (1.0, true),
+            _ if highest <= 255.5 => (255.0, !floating),
+            _ => (65_535.0, !floating),
+        };
+        let outside = channels().filter(|channel| !(0.0..=range * 1.01).contains(channel)).count();
+        let scale = 255.0 / range;
+        self.cloud.colors = self.wide_colors.iter().map(|color| color.map(|c| (c * scale).round() as u8)).collect();
+        let taken = (!usual).then(|| format!("colours go up to {highest} and were taken as 0 to {range}"));
+        let outside = (outside > 0).then(|| {
+            format!("{outside} colour values are NaN, negative or above {range} and were set to the nearest colour")
+        });
+        Some([taken, outside].into_iter().flatten().collect::<Vec<_>>().join("; ")).filter(|text| !text.is_empty())
+    }
+
+    fn confidence(&self, vertex: &Vertex, label: LabelId) -> f32 {
+        match self.has_confidence {
+            true => (vertex.at(Slot::Confidence) as f32).clamp(0.0, 1.0).max(0.0),
+            false => f32::from(u8::from(label != LabelId::NONE)),
+        }
+    }
+
+    fn finish(mut self, layout: &Layout) -> PlyCloud {
+        if self.shift.is_none() {
+            self.choose_origin();
+        }
+        let mut used: Vec<LabelId> = self.cloud.labels.clone();
+        used.sort_unstable();
+        used.dedup();
+        name_unknown_labels(&mut self.cloud.tree, used);
+        let mut warnings: Vec<String> = self.scale_colors().into_iter().collect();
+        if let Some((count, first)) = self.without_label {
+            warnings.push(format!("{count} points have a label that means none (such as {first}) and are unlabelled"));
+        }
+        if self.dropped > 0 {
+            warnings.push(format!("{} points without a finite position were left out", self.dropped));
+        }
+        self.cloud.origin += self.shift.unwrap_or_default();
+        PlyCloud {
+            has_labels: layout.has(Slot::Label),
+            has_normals: layout.has(Slot::Nx) && layout.has(Slot::Ny) && layout.has(Slot::Nz),
+            has_colors: self.has_colors,
+            cloud: self.cloud,
+            warnings,
+        }
+    }
+}
+
+/// Whether a stored label is one of those that other programs give to points without a label: NaN, a negative whole
+/// number (−1 for noise, −100 for "ignore"), or −1 in 32 bits without a sign.
+fn means_no_label(value: f64) -> bool {
+    let whole = value.round();
+    let unsigned = [f64::from(u32::MAX), f64::from(u32::MAX as f32)];
+    value.is_nan() || (whole < 0.0 && (value - whole).abs() <= 1e-3) || unsigned.contains(&value)
+}
+
+/// A stored label as an id; files keep them as any integer or floating type.
+fn label_id(value: f64) -> Result<LabelId, String> {
+    let whole = value.round();
+    if (value - whole).abs() > 1e-3 || !(0.0..=65535.0).contains(&whole) {
+        return Err(format!("its label {value} is no whole number from 0 to 65535; renumber the labels"));
+    }
+    Ok(LabelId(whole as u16))
+}

@@ -1,0 +1,136 @@
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use crate::{LabelledCloud, SceneError};
+use ostra_masks::{LabelId, LabelTree};
+
+/// The points of one label.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LabelPart {
+    /// Its id; 0 for the points without a label.
+    pub id: LabelId,
+    /// Its name; `unlabelled` for id 0.
+    pub name: String,
+    /// Its points, in the order of the whole cloud and under the whole tree.
+    pub cloud: LabelledCloud,
+}
+
+/// Splits a cloud into one part for each label that has points, ordered by id, the unlabelled points first.
+#[must_use]
+pub fn split_by_label(cloud: &LabelledCloud) -> Vec<LabelPart> {
+    let mut indices: BTreeMap<LabelId, Vec<u32>> = BTreeMap::new();
+    for (index, &id) in cloud.labels.iter().enumerate() {
+        indices.entry(id).or_default().push(index as u32);
+    }
+    let part = |(id, indices): (LabelId, Vec<u32>)| LabelPart {
+        id,
+        name: label_name(&cloud.tree, id),
+        cloud: cloud.select(&indices),
+    };
+    indices.into_iter().map(part).collect()
+}
+
+/// Writes one file for each label that has points beside `path` ([`label_paths`]) by `save`. Returns the files written.
+///
+/// # Errors
+/// Those of `save`; the files before the fault stay.
+pub fn save_per_label(
+    path: &Path,
+    cloud: &LabelledCloud,
+    save: impl Fn(&Path, &LabelledCloud) -> Result<(), SceneError>,
+) -> Result<Vec<PathBuf>, SceneError> {
+    let files = label_paths(path, cloud);
+    for part in split_by_label(cloud) {
+        save(&files[&part.id], &part.cloud)?;
+    }
+    Ok(files.into_values().collect())
+}
+
+/// Longest part of a file name that a label's name gives, in bytes: file systems allow 255 for the whole name.
+const MAX_NAME_BYTES: usize = 120;
+
+/// Where the parts of a cloud or mesh go that is written to `path`, for each label that has points: `STEM_NAME.ENDING`.
+///
+/// A name that another label of the tree takes already, if only in another case, or that is the twin's, gets the label's
+/// number.
+#[must_use]
+pub fn label_paths(path: &Path, cloud: &LabelledCloud) -> BTreeMap<LabelId, PathBuf> {
+    let present: BTreeSet<LabelId> = cloud.labels.iter().copied().collect();
+    let all: BTreeSet<LabelId> = present.iter().copied().chain(cloud.tree.iter().map(|label| label.id)).collect();
+    let mut taken = BTreeSet::from([TWIN.to_owned()]);
+    let mut paths = BTreeMap::new();
+    for id in all {
+        let mut name = shortened(&file_part(&label_name(&cloud.tree, id)));
+        while !taken.insert(name.to_lowercase()) {
+            name = format!("{name}_{}", id.0);
+        }
+        if present.contains(&id) {
+            paths.insert(id, beside(path, &name));
+        }
+    }
+    paths
+}
+
+fn shortened(name: &str) -> String {
+    let end = name.char_indices().map(|(at, c)| at + c.len_utf8()).take_while(|&end| end <= MAX_NAME_BYTES).last();
+    name[..end.unwrap_or(0)].to_owned()
+}
+
+/// What the name of the twin in label colours ends in.
+const TWIN: &str = "labels";
+
+/// Where the twin of a cloud in label colours goes: `STEM_labels.ENDING` beside it.
+#[must_use]
+pub fn twin_path(path: &Path) -> PathBuf {
+    beside(path, TWIN)
+}
+
+fn beside(path: &Path, suffix: &str) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = path.extension().map_or("ply".into(), std::ffi::OsStr::to_string_lossy);
+    path.with_file_name(format!("{stem}_{suffix}.{ending}"))
+}
+
+/// A label's name; `unlabelled` for id 0, the number of one that the tree lacks.
+pub(crate) fn label_name(tree: &LabelTree, id: LabelId) -> String {
+    match tree.get(id) {
+        Some(label) => label.name.clone(),
+        None if id == LabelId::NONE => "unlabelled".into(),
+        None => id.0.to_string(),
+    }
+}
+
+/// A label's name with everything that a file name cannot hold on some system replaced.
+pub(crate) fn file_part(name: &str) -> String {
+    name.chars().map(|c| if c.is_alphanumeric() || matches!(c, '-' | '_') { c } else { '_' }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ostra_masks::Label;
+
+    #[test]
+    fn no_two_files_of_an_export_have_one_name() {
+        let long = "x".repeat(300);
+        let names = ["labels", "Leaf", "leaf", "a/b", "a b", &long, &format!("{long}y"), "unlabelled", "leaf_2"];
+        let mut cloud = LabelledCloud::from_positions(vec![glam::Vec3::ZERO; names.len() + 1]);
+        for (at, name) in names.into_iter().enumerate() {
+            let id = LabelId(at as u16 + 1);
+            cloud.labels[at] = id;
+            cloud.tree.set(Label { id, name: name.into(), color: [1; 3], parent: None }).unwrap();
+        }
+        let path = Path::new("/out/c.ply");
+        let mut files: Vec<PathBuf> = label_paths(path, &cloud).into_values().chain([twin_path(path)]).collect();
+        let count = files.len();
+        assert_eq!(count, names.len() + 2);
+        files.sort_by_key(|file| file.to_string_lossy().to_lowercase());
+        files.dedup_by_key(|file| file.to_string_lossy().to_lowercase());
+        assert_eq!(files.len(), count, "{files:?}");
+        assert!(files.iter().all(|file| file.file_name().unwrap().len() <= 255));
+        // The names do not depend on which labels have points.
+        let whole = label_paths(path, &cloud);
+        let some = label_paths(path, &cloud.select(&[2, 6]));
+        assert!(some.iter().all(|(id, file)| whole[id] == *file));
+    }
+}

@@ -1,0 +1,145 @@
+use std::sync::Arc;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::grow::grow;
+use super::pieces::pieces;
+use super::visible::seen_in;
+use super::{SeenRegion, SelectStep};
+use crate::points::Neighbours;
+use crate::{LabelledCloud, SceneError};
+use ostra_core::job::Progress;
+use ostra_frames::Frame;
+use ostra_masks::{LabelId, LabelTree, fill_polygons, stroke};
+
+/// A cloud made ready to choose points of it.
+#[derive(Debug)]
+pub struct Selector {
+    cloud: Arc<LabelledCloud>,
+    neighbours: Neighbours,
+    spacing: f32,
+}
+
+/// Chosen points of a cloud.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Selection {
+    /// Their indices, rising.
+    pub points: Vec<u32>,
+    /// In how many pieces they are: each hangs together.
+    pub pieces: usize,
+}
+
+impl Selector {
+    /// Builds what looking up neighbours needs.
+    ///
+    /// # Errors
+    /// [`SceneError::Request`] for a cloud of fewer than two places.
+    pub fn new(cloud: Arc<LabelledCloud>) -> Result<Self, SceneError> {
+        let neighbours = Neighbours::new(&cloud.positions);
+        let made = neighbours.and_then(|near| Some((near.spacing(&cloud.positions)?, near)));
+        let (spacing, neighbours) =
+            made.ok_or_else(|| SceneError::Request("the cloud has too few points to choose from; fuse first".into()))?;
+        Ok(Self { cloud, neighbours, spacing: spacing as f32 })
+    }
+
+    /// The cloud.
+    #[must_use]
+    pub fn cloud(&self) -> &Arc<LabelledCloud> {
+        &self.cloud
+    }
+
+    /// How far apart its points typically are, world units.
+    #[must_use]
+    pub fn spacing(&self) -> f32 {
+        self.spacing
+    }
+
+    /// The point nearest to a place, with its distance.
+    #[must_use]
+    pub fn nearest(&self, to: Vec3) -> (usize, f32) {
+        self.neighbours.nearest(to)
+    }
+
+    /// Carries out the steps one after the other, beginning with nothing chosen. `frames` are those that steps name as eyes;
+    /// `tree` says what lies below a hidden label. The same steps give the same points for any number of threads.
+    ///
+    /// # Errors
+    /// [`SceneError::Request`] for an eye that is not there, a piece that is not there or numbers out of range;
+    /// [`SceneError::Mask`] for a lasso of no numbers; [`SceneError::Stopped`].
+    pub fn select(
+        &self,
+        frames: &[Frame],
+        tree: &LabelTree,
+        steps: &[SelectStep],
+        progress: &Progress,
+    ) -> Result<Selection, SceneError> {
+        let mut inside = vec![false; self.cloud.len()];
+        for (done, step) in steps.iter().enumerate() {
+            progress.step(done, steps.len())?;
+            self.take(step, frames, tree, &mut inside, progress)?;
+        }
+        let points = indices(&inside);
+        let pieces = pieces(&self.cloud.positions, self.spacing, &points).len();
+        Ok(Selection { points, pieces })
+    }
+
+    fn take(
+        &self,
+        step: &SelectStep,
+        frames: &[Frame],
+        tree: &LabelTree,
+        inside: &mut [bool],
+        progress: &Progress,
+    ) -> Result<(), SceneError> {
+        let of = |label: LabelId| self.cloud.labels.iter().map(move |&own| own == label);
+        match step {
+            SelectStep::Seen(region) => {
+                let seen = self.seen(region, frames, tree)?;
+                seen.into_iter().for_each(|point| inside[point as usize] = !region.remove);
+            }
+            SelectStep::Label(label) => inside.iter_mut().zip(of(*label)).for_each(|(inside, has)| *inside |= has),
+            SelectStep::Only(label) => inside.iter_mut().zip(of(*label)).for_each(|(inside, has)| *inside &= has),
+            SelectStep::Grow(likeness) => {
+                grow(&self.cloud, &self.neighbours, self.spacing, likeness, inside, progress)?;
+            }
+            SelectStep::Piece(rank) => {
+                let pieces = pieces(&self.cloud.positions, self.spacing, &indices(inside));
+                let piece = pieces.get(*rank).ok_or_else(|| {
+                    SceneError::Request(format!("there is no piece {rank}: the chosen points are in {}", pieces.len()))
+                })?;
+                inside.fill(false);
+                piece.iter().for_each(|&point| inside[point as usize] = true);
+            }
+        }
+        Ok(())
+    }
+
+    fn seen(&self, seen: &SeenRegion, frames: &[Frame], tree: &LabelTree) -> Result<Vec<u32>, SceneError> {
+        let sight = seen.eye.sight(frames)?;
+        let (width, height) = (sight.camera.width, sight.camera.height);
+        let region = if seen.radius_px == 0.0 {
+            fill_polygons(width, height, std::slice::from_ref(&seen.points_px))?
+        } else {
+            stroke(width, height, &seen.points_px, seen.radius_px)?
+        };
+        let is_hidden = |id: &LabelId| {
+            let path = tree.path(*id);
+            let is_on_path = |id: &LabelId| path.contains(id);
+            seen.hidden.iter().any(is_on_path) || seen.isolated.is_some_and(|only| !is_on_path(&only))
+        };
+        let ids = tree.iter().map(|label| label.id).chain([LabelId::NONE]);
+        let hidden: Vec<LabelId> = ids.filter(is_hidden).collect();
+        let is_there =
+            |x: Vec3| seen.cube_from_world.is_none_or(|cube| cube.transform_point3(x).abs().max_element() <= 1.0);
+        let stands_out = |point: usize| seen.doubtful_below.is_none_or(|below| self.cloud.is_doubtful(point, below));
+        let is_drawn = |point: usize| {
+            !hidden.contains(&self.cloud.labels[point]) && stands_out(point) && is_there(self.cloud.positions[point])
+        };
+        Ok(seen_in(&self.cloud.positions, f64::from(self.spacing), &sight, &region, is_drawn))
+    }
+}
+
+fn indices(inside: &[bool]) -> Vec<u32> {
+    (0..inside.len() as u32).into_par_iter().filter(|&point| inside[point as usize]).collect()
+}

@@ -1,0 +1,221 @@
+use glam::{DVec3, IVec3, Vec3};
+use rayon::prelude::*;
+
+use super::block::{Block, EDGE, ROWS, Voxel, lanes_in, voxel_at};
+use super::blocks::Volume;
+use super::cases::{CASES, CORNERS, CellEdge};
+use super::measured::Facing;
+use super::signs::{Signs, SignsAround};
+use ostra_core::job::{Progress, Stopped};
+
+/// Voxels by which the distance changes at most from one voxel to the next where a surface is. It changes by more where what
+/// is hidden behind something ends beside what is seen free: there is none.
+const STEEPEST: f32 = 2.0;
+
+/// A surface as it comes out of a volume: vertices by block and edge, triangles by cell.
+#[derive(Debug, Default)]
+pub(super) struct Raw {
+    pub(super) positions: Vec<Vec3>,
+    pub(super) colors: Vec<[u8; 3]>,
+    /// What frames saw of each vertex: the sum of their weights.
+    pub(super) weights: Vec<f32>,
+    pub(super) triangles: Vec<[u32; 3]>,
+}
+
+/// The vertices on one block's own edges.
+struct Vertices {
+    /// Edges that have one, rising: three a voxel, each in two layers.
+    edges: Vec<u16>,
+    positions: Vec<Vec3>,
+    colors: Vec<[u8; 3]>,
+    weights: Vec<f32>,
+}
+
+/// A sample in its two layers.
+type Layers = [Option<Voxel>; 2];
+
+/// A block and those after it, by their corner's number.
+struct Around<'a> {
+    numbers: [Option<usize>; 8],
+    blocks: [Option<&'a Block>; 8],
+    /// Where the first begins in the world.
+    corner: DVec3,
+}
+
+/// One side of the surface in a cell: the layer of each corner, and the corner's sample there.
+type Side = [(usize, Voxel); CORNERS];
+
+impl Volume {
+    /// The surface between voxels before and behind it, where all corners of a cell were seen and the surface often enough.
+    /// The same volume gives the same triangles for any number of threads.
+    pub(super) fn extract(self, progress: &Progress) -> Result<Raw, Stopped> {
+        let signs: Vec<Signs> = self.blocks.par_iter().map(Block::signs).collect();
+        let vertices: Vec<Vertices> = self
+            .blocks
+            .par_iter()
+            .map(|block| {
+                progress.check()?;
+                Ok(self.vertices_of(block, &signs))
+            })
+            .collect::<Result<_, Stopped>>()?;
+        let mut first = vec![0u32];
+        for block in &vertices {
+            first.push(first[first.len() - 1] + block.edges.len() as u32);
+        }
+        let triangles: Vec<Vec<[u32; 3]>> = self
+            .blocks
+            .par_iter()
+            .map(|block| {
+                progress.check()?;
+                Ok(self.triangles_of(block, &signs, &vertices, &first))
+            })
+            .collect::<Result<_, Stopped>>()?;
+        // The volume is by far the largest part.
+        drop((self, signs));
+        let count = first[first.len() - 1] as usize;
+        let mut raw = Raw {
+            positions: Vec::with_capacity(count),
+            colors: Vec::with_capacity(count),
+            weights: Vec::with_capacity(count),
+            triangles: Vec::with_capacity(triangles.iter().map(Vec::len).sum()),
+        };
+        for block in vertices {
+            raw.positions.extend(block.positions);
+            raw.colors.extend(block.colors);
+            raw.weights.extend(block.weights);
+        }
+        triangles.into_iter().for_each(|of_block| raw.triangles.extend(of_block));
+        Ok(raw)
+    }
+
+    fn around(&self, block: &Block) -> Around<'_> {
+        let numbers = std::array::from_fn(|next| self.block(block.place + corner(next as i32)));
+        let blocks = numbers.map(|number| number.map(|number| &self.blocks[number]));
+        Around { numbers, blocks, corner: self.corner(block.place) }
+    }
+
+    fn vertices_of(&self, block: &Block, signs: &[Signs]) -> Vertices {
+        let mut found = Vertices { edges: Vec::new(), positions: Vec::new(), colors: Vec::new(), weights: Vec::new() };
+        let around = self.around(block);
+        let crossings = around.signs(signs);
+        for row in 0..ROWS {
+            let edges = crossings.edges(row);
+            for x in lanes_in(u32::from(edges[0] | edges[1] | edges[2])) {
+                for axis in (0..3).filter(|&axis| edges[axis] >> x & 1 != 0) {
+                    self.vertices_on(&around, (row * EDGE + x, axis), &mut found);
+                }
+            }
+        }
+        found
+    }
+
+    /// The vertices, of up to two layers, between a voxel and the next along an axis.
+    fn vertices_on(&self, around: &Around<'_>, (voxel, axis): (usize, usize), found: &mut Vertices) {
+        let place = place_of(voxel);
+        let after = around.at(place + IVec3::AXES[axis]);
+        for (layer, here) in around.at(place).into_iter().enumerate() {
+            let Some(here) = here else { continue };
+            let Some((_, there)) = same_side(after, here.normal) else { continue };
+            let share = here.distance / (here.distance - there.distance);
+            let weight = here.weight + (there.weight - here.weight) * share;
+            let crosses = (here.distance < 0.0) != (there.distance < 0.0);
+            let is_jump = (here.distance - there.distance).abs() > STEEPEST / self.options.truncation;
+            if !crosses || is_jump || weight < self.options.min_weight {
+                continue;
+            }
+            let at = place.as_dvec3() + DVec3::AXES[axis] * f64::from(share);
+            let color = here.color().lerp(there.color(), share);
+            found.edges.push(((voxel * 3 + axis) * 2 + layer) as u16);
+            found.positions.push((around.corner + at * self.options.voxel).as_vec3());
+            found.weights.push(weight);
+            found.colors.push(color.to_array().map(|channel| channel.round() as u8));
+        }
+    }
+
+    fn triangles_of(&self, block: &Block, signs: &[Signs], vertices: &[Vertices], first: &[u32]) -> Vec<[u32; 3]> {
+        let around = self.around(block);
+        let crossings = around.signs(signs);
+        let mut triangles = Vec::new();
+        for row in 0..ROWS {
+            for x in lanes_in(u32::from(crossings.cells(row))) {
+                let place = place_of(row * EDGE + x);
+                for side in around.sides_of_cell(place).into_iter().flatten() {
+                    let is_behind = |at: usize| usize::from(side[at].1.distance < 0.0) << at;
+                    let behind: usize = (0..CORNERS).map(is_behind).sum();
+                    let vertex = |edge: CellEdge| {
+                        let layer = side[usize::from(edge.corner)].0;
+                        let (owner, edge) = around.edge(place, edge, layer)?;
+                        Some(first[owner] + vertices[owner].edges.binary_search(&edge).ok()? as u32)
+                    };
+                    for triangle in &CASES[behind] {
+                        if let [Some(a), Some(b), Some(c)] = triangle.map(vertex) {
+                            triangles.push([a, b, c]);
+                        }
+                    }
+                }
+            }
+        }
+        triangles
+    }
+}
+
+/// The corner of a cube that a number's three bits name.
+fn corner(number: i32) -> IVec3 {
+    IVec3::new(number & 1, number >> 1 & 1, number >> 2)
+}
+
+/// The number of the block after the first that a place from the first's first voxel lies in, and its voxel there.
+fn split(place: IVec3) -> (usize, usize) {
+    let [x, y, z] = place.to_array().map(|along| along as usize);
+    ((x / EDGE) | ((y / EDGE) << 1) | ((z / EDGE) << 2), voxel_at(x % EDGE, y % EDGE, z % EDGE))
+}
+
+fn place_of(voxel: usize) -> IVec3 {
+    IVec3::new((voxel % EDGE) as i32, (voxel / EDGE % EDGE) as i32, (voxel / (EDGE * EDGE)) as i32)
+}
+
+/// The layer that looks most to where a normal does, if one may be the same side of the surface.
+fn same_side(layers: Layers, normal: Facing) -> Option<(usize, Voxel)> {
+    let agreement = |layer: Option<Voxel>| layer.map_or(i32::MIN, |layer| layer.normal.dot(normal));
+    let [first, second] = layers.map(agreement);
+    let best = usize::from(second >= first);
+    (first.max(second) > Facing::SAME_SIDE).then_some((best, layers[best]?))
+}
+
+impl Around<'_> {
+    fn signs(&self, signs: &[Signs]) -> SignsAround {
+        SignsAround::new(self.numbers.map(|number| number.map(|number| &signs[number])))
+    }
+
+    /// The layers of a sample, by its place from the first block's first.
+    fn at(&self, place: IVec3) -> Layers {
+        let (next, voxel) = split(place);
+        self.blocks[next].map_or([None; 2], |block| block.sides(voxel))
+    }
+
+    /// The block that an edge of the cell at `place` belongs to, and the edge's number in it and in a layer.
+    fn edge(&self, place: IVec3, edge: CellEdge, layer: usize) -> Option<(usize, u16)> {
+        let (next, voxel) = split(place + corner(i32::from(edge.corner)));
+        Some((self.numbers[next]?, ((voxel * 3 + usize::from(edge.axis)) * 2 + layer) as u16))
+    }
+
+    /// The sides of the surface that all corners of a cell have seen.
+    fn sides_of_cell(&self, place: IVec3) -> [Option<Side>; 2] {
+        let mut corners = [[None; 2]; CORNERS];
+        for (layers, number) in corners.iter_mut().zip(0..) {
+            *layers = self.at(place + corner(number));
+        }
+        let side = |begin: Option<Voxel>| -> Option<Side> {
+            let normal = begin?.normal;
+            let mut side = [(0, begin?); CORNERS];
+            for (chosen, layers) in side.iter_mut().zip(corners) {
+                *chosen = same_side(layers, normal)?;
+            }
+            Some(side)
+        };
+        let [first, second] = corners[0].map(side);
+        // Where both layers of the first corner lead to the same ones elsewhere there is one side.
+        let is_other = |second: &Side| first.is_none_or(|first| (1..CORNERS).all(|at| first[at].0 != second[at].0));
+        [first, second.filter(is_other)]
+    }
+}

@@ -1,0 +1,234 @@
+use glam::{DVec3, IVec3, Mat3, Vec2, Vec3};
+use rayon::prelude::*;
+use wide::{f32x8, i32x8};
+
+use super::block::{Block, EDGE, ROWS, Said, lanes_in};
+use super::blocks::Volume;
+use super::measured::{Measured, Pixel};
+use ostra_core::job::{Progress, Stopped};
+
+/// Numbers in a vector.
+const LANES: usize = 8;
+/// The numbers of a vector's lanes.
+const RAMP: f32x8 = f32x8::new([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+/// Pixels along the edge of a tile whose pixels fit into a core's cache: 64 × 64 of 20 bytes are 80 KiB.
+const TILE: u32 = 64;
+/// Rows of pixels that one task looks at for blocks near what they see.
+const BAND: usize = 32;
+/// Blocks found lately that are remembered, so that few are found again.
+const RECENT: usize = 1 << 12;
+/// Behind the surface, from this share of the truncation on, a frame's word counts less and less: what it sees there may
+/// be another side of something thin.
+const FULL_BEHIND: f32 = 0.25;
+
+impl Volume {
+    /// Adds one frame: to each voxel near what it sees, the distance along the surface's normal (B. Curless, M. Levoy, *A
+    /// Volumetric Method for Building Complex Models from Range Images*, SIGGRAPH 1996).
+    pub(super) fn add(&mut self, frame: &Measured, progress: &Progress) -> Result<(), Stopped> {
+        self.frames += 1;
+        let places = self.near(frame);
+        progress.check()?;
+        let number = self.frames;
+        self.touch(&places, number);
+        let (origin, voxel, truncation) = (self.origin, self.options.voxel, self.truncation());
+        let sight = |block: &Block| {
+            let corner = origin + block.place.as_dvec3() * (EDGE as f64 * voxel);
+            Sight::new(frame, corner, voxel, truncation)
+        };
+        let mut seen: Vec<(Sight<'_>, &mut Block)> =
+            self.blocks.iter_mut().filter(|block| block.frame == number).map(|block| (sight(block), block)).collect();
+        // The pixels of a whole picture do not fit into a core's cache: blocks in front of the same ones follow each other.
+        seen.par_sort_unstable_by_key(|(sight, block)| (sight.tile(), block.place.to_array()));
+        seen.into_par_iter().for_each(|(sight, block)| sight.update(block));
+        progress.check()
+    }
+
+    /// The places of all blocks within the truncation of what a frame sees, in order.
+    fn near(&self, frame: &Measured) -> Vec<IVec3> {
+        let world_from_camera = frame.rotation.transpose();
+        let centre = (world_from_camera * -frame.translation - self.origin) / self.options.voxel;
+        let near = NearBlocks {
+            frame,
+            centre: centre.as_vec3(),
+            grid_from_camera: (world_from_camera * (1.0 / self.options.voxel)).as_mat3(),
+            reach: self.truncation(),
+        };
+        let rows = |first: usize| {
+            let mut places = Places::new();
+            for y in first..(first + BAND).min(frame.height) {
+                near.row(y, &mut places);
+            }
+            places.found
+        };
+        let firsts: Vec<usize> = (0..frame.height).step_by(BAND).collect();
+        let mut places: Vec<IVec3> = firsts.into_par_iter().flat_map_iter(rows).collect();
+        places.par_sort_unstable_by_key(IVec3::to_array);
+        places.dedup();
+        places
+    }
+}
+
+/// Finds the blocks near what a frame sees.
+struct NearBlocks<'a> {
+    frame: &'a Measured,
+    /// The camera's place, in voxels.
+    centre: Vec3,
+    /// Voxels from camera space: the rotation over the size of a voxel.
+    grid_from_camera: Mat3,
+    /// Distance along a ray before and behind a surface, world units.
+    reach: f32,
+}
+
+impl NearBlocks<'_> {
+    /// Adds the blocks near the surface that the pixels of a row see.
+    fn row(&self, y: usize, places: &mut Places) {
+        let Measured { width, focal, principal, .. } = *self.frame;
+        let pixels = &self.frame.pixels[y * width..(y + 1) * width];
+        let ray_y = f32x8::splat((y as f32 + 0.5 - principal.y) / focal.y);
+        for (pixels, first) in pixels.chunks(LANES).zip((0..).step_by(LANES)) {
+            let mut depth = [0.0; LANES];
+            for (depth, pixel) in depth.iter_mut().zip(pixels) {
+                *depth = if pixel.wanted { pixel.depth } else { 0.0 };
+            }
+            let is_seen = f32x8::new(depth).simd_gt(f32x8::ZERO).to_bitmask();
+            if is_seen == 0 {
+                continue;
+            }
+            let columns = f32x8::splat(first as f32 + 0.5 - principal.x) + RAMP;
+            let ray = [columns * f32x8::splat(1.0 / focal.x), ray_y];
+            let [low, high] = self.blocks(ray, f32x8::new(depth));
+            for lane in lanes_in(is_seen) {
+                let block = |ends: &[[i32; LANES]; 3]| IVec3::from_array(ends.map(|end| end[lane]));
+                places.add((block(&low), block(&high)));
+            }
+        }
+    }
+
+    /// The first and the last block along each axis near the surfaces at these depths on these rays.
+    fn blocks(&self, [x, y]: [f32x8; 2], depth: f32x8) -> [[[i32; LANES]; 3]; 2] {
+        let reach = f32x8::splat(self.reach) / (x * x + y * y + f32x8::ONE).sqrt();
+        let mut blocks = [[[0; LANES]; 3]; 2];
+        for axis in 0..3 {
+            let row = self.grid_from_camera.row(axis);
+            let direction = x * f32x8::splat(row.x) + y * f32x8::splat(row.y) + f32x8::splat(row.z);
+            let surface = direction * depth + f32x8::splat(self.centre[axis]);
+            let around = (direction * reach).abs() + f32x8::ONE;
+            for (end, blocks) in [surface - around, surface + around].into_iter().zip(&mut blocks) {
+                blocks[axis] = floor(end * f32x8::splat(1.0 / EDGE as f32));
+            }
+        }
+        blocks
+    }
+}
+
+/// Rounds down. Without the processor's own instruction `floor` is a call for every number.
+fn floor(at: f32x8) -> [i32; LANES] {
+    let whole = at.fast_trunc_int();
+    // A comparison that holds is −1 as an integer.
+    let above: i32x8 = bytemuck::cast(whole.round_float().simd_gt(at));
+    (whole + above).to_array()
+}
+
+/// Places of blocks, nearly each of them once.
+struct Places {
+    found: Vec<IVec3>,
+    /// What was added last: most pixels see the blocks that the one before saw.
+    last: (IVec3, IVec3),
+    /// The last one found among those that share a few bits.
+    recent: Vec<IVec3>,
+}
+
+impl Places {
+    fn new() -> Self {
+        Self { found: Vec::new(), last: (IVec3::MAX, IVec3::MAX), recent: vec![IVec3::MAX; RECENT] }
+    }
+
+    /// Adds the blocks from the first to the last one along each axis.
+    fn add(&mut self, (first, last): (IVec3, IVec3)) {
+        if self.last == (first, last) {
+            return;
+        }
+        self.last = (first, last);
+        for z in first.z..=last.z {
+            for y in first.y..=last.y {
+                for x in first.x..=last.x {
+                    let place = IVec3::new(x, y, z);
+                    let recent = &mut self.recent[(x ^ y << 4 ^ z << 8) as usize % RECENT];
+                    if *recent != place {
+                        *recent = place;
+                        self.found.push(place);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A block as one frame sees it.
+struct Sight<'a> {
+    frame: &'a Measured,
+    /// The block's first voxel in camera space, and the steps to the next in x, y, z.
+    corner: Vec3,
+    steps: [Vec3; 3],
+    truncation: f32,
+}
+
+impl<'a> Sight<'a> {
+    fn new(frame: &'a Measured, corner: DVec3, voxel: f64, truncation: f32) -> Self {
+        let corner = (frame.rotation * corner + frame.translation).as_vec3();
+        let axes = [frame.rotation.x_axis, frame.rotation.y_axis, frame.rotation.z_axis];
+        Self { frame, corner, steps: axes.map(|axis| (axis * voxel).as_vec3()), truncation }
+    }
+
+    /// Which tile of the picture sees the block's centre, counted in rows; those beside the picture are counted with its rim.
+    fn tile(&self) -> u32 {
+        let half = EDGE as f32 / 2.0;
+        let centre = self.corner + (self.steps[0] + self.steps[1] + self.steps[2]) * half;
+        let at_px = centre.truncate() / centre.z * self.frame.focal + self.frame.principal;
+        let last = Vec2::new(self.frame.width as f32, self.frame.height as f32);
+        // Conversion saturates, and makes 0 of what is not a number.
+        let tile = |at: f32, last: f32| at.min(last) as u32 / TILE;
+        tile(at_px.y, last.y) * (self.frame.width as u32 / TILE + 1) + tile(at_px.x, last.x)
+    }
+
+    fn update(&self, block: &mut Block) {
+        for row in 0..ROWS {
+            let first = self.corner + self.steps[1] * (row % EDGE) as f32 + self.steps[2] * (row / EDGE) as f32;
+            if let Some(said) = self.row(first) {
+                block.update(row, &said);
+            }
+        }
+    }
+
+    /// What the frame says of the voxels of the row that begins here, in camera space.
+    fn row(&self, first: Vec3) -> Option<Said<'a>> {
+        let along = |first: f32, step: f32| f32x8::splat(first) + RAMP * f32x8::splat(step);
+        let [x, y, z] = [0, 1, 2].map(|axis| along(first[axis], self.steps[0][axis]));
+        let inverse = f32x8::ONE / z;
+        let (focal, principal) = (self.frame.focal, self.frame.principal);
+        let column = x * inverse * f32x8::splat(focal.x) + f32x8::splat(principal.x);
+        let row = y * inverse * f32x8::splat(focal.y) + f32x8::splat(principal.y);
+        let within = |at: f32x8, size: usize| at.simd_ge(f32x8::ZERO) & at.simd_lt(f32x8::splat(size as f32));
+        let is_seen = z.simd_gt(f32x8::ZERO) & within(column, self.frame.width) & within(row, self.frame.height);
+        if !is_seen.any() {
+            return None;
+        }
+        let (column, row) =
+            ((column & is_seen).fast_trunc_int().to_array(), (row & is_seen).fast_trunc_int().to_array());
+        let pixels: [&Pixel; EDGE] = std::array::from_fn(|lane| {
+            &self.frame.pixels[row[lane] as usize * self.frame.width + column[lane] as usize]
+        });
+        let (mut depth, mut slant, mut weight) = ([0.0; EDGE], [0.0; EDGE], [0.0; EDGE]);
+        for (lane, pixel) in pixels.iter().enumerate() {
+            (depth[lane], slant[lane], weight[lane]) = (pixel.depth, pixel.slant, pixel.weight);
+        }
+        let (depth, slant, weight) = (f32x8::new(depth), f32x8::new(slant), f32x8::new(weight));
+        let distance = (depth - z) * slant * f32x8::splat(1.0 / self.truncation);
+        let of = is_seen & depth.simd_gt(f32x8::ZERO) & distance.simd_gt(-f32x8::ONE);
+        if !of.any() {
+            return None;
+        }
+        let behind = ((f32x8::ONE + distance) * f32x8::splat(1.0 / (1.0 - FULL_BEHIND))).fast_min(f32x8::ONE);
+        Some(Said { of, distance: distance.fast_min(f32x8::ONE), weight: weight * behind * behind, pixels })
+    }
+}

@@ -1,0 +1,21 @@
+//! Depth maps of posed frames → a surface: a sparse volume of signed distances, and its mesh.
+//!
+//! Every frame with depth is added to blocks of voxels near the surface it sees (`integrate`), then the surface between
+//! voxels before and behind it is cut out as triangles (`extract`). Labels are not in the volume: the mesh's vertices
+//! are voted on as the points of a cloud are ([`crate::fuse`]), so a corrected mask needs no new geometry.
+
+mod block;
+mod blocks;
+mod cases;
+mod extract;
+mod integrate;
+mod measured;
+mod options;
+mod pieces;
+mod run;
+mod signs;
+#[cfg(test)]
+mod tests;
+
+pub use options::VolumeOptions;
+pub use run::{Surface, reconstruct_surface};

@@ -1,0 +1,139 @@
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::bits::Bits;
+use super::free::carve;
+use super::walls::Walls;
+use crate::fuse::Views;
+use crate::{LabelledCloud, LabelledMesh, SceneError};
+use ostra_core::job::Progress;
+use ostra_masks::LabelId;
+
+/// Voxels that may be added.
+const MOST_ADDED: usize = 1 << 24;
+/// Faces of a piece that may lie open to space that was seen empty, for each that meets a wall.
+const OPEN: f64 = 0.1;
+/// No voxel.
+const NONE: u32 = u32::MAX;
+
+/// Voxels (as [`voxelize`](super::voxelize) made them, of edge `voxel` in world units) with all that they enclose: cells that
+/// no view's depth saw empty, and from which at least five of the six ways along the axes lead through such cells to a voxel,
+/// for what stands on a table has a side that nobody sees. Space behind a wall or under a table is walled on fewer sides and
+/// stays empty, and so does a piece that lies open to space that was seen empty, as the unseen part of a room does.
+/// `surface`, the mesh of the same scene, closes gaps between voxels: its cells count as filled; it may be empty.
+///
+/// What is added has no normal, and label, confidence and colour of the nearest voxel, counted in steps over faces of added
+/// cells; of equally near ones that with the lowest label, then the first. In rising order of z, y, x.
+///
+/// # Errors
+/// [`SceneError::Request`] for an edge that is no length above 0, or where grid or inside would take too much memory; what
+/// reading a depth says; [`SceneError::Stopped`].
+pub fn fill_interior(
+    voxels: &LabelledCloud,
+    voxel: f64,
+    surface: &LabelledMesh,
+    views: &dyn Views,
+    progress: &Progress,
+) -> Result<LabelledCloud, SceneError> {
+    if !(voxel.is_finite() && voxel > 0.0) {
+        return Err(SceneError::Request(format!("a voxel size of {voxel} is not possible; give a length above 0")));
+    }
+    progress.stage("interior")?;
+    let Some(walls) = Walls::new(voxels, voxel, surface)? else { return Ok(voxels.clone()) };
+    let inside = inside(&walls, views, progress)?;
+    let sources = nearest(&walls, &inside, &voxels.labels, progress)?;
+    let added = inside.iter().zip(sources).filter(|&(_, source)| source != NONE);
+    let mut all: Vec<(u64, u32, bool)> = added.map(|(&number, source)| (number, source, true)).collect();
+    all.extend(walls.occupied.iter().map(|&(number, point)| (number, point, false)));
+    all.par_sort_unstable();
+    let points: Vec<u32> = all.iter().map(|&(_, point, _)| point).collect();
+    let mut filled = voxels.select(&points);
+    for (at, (number, _, is_added)) in all.into_iter().enumerate() {
+        if is_added {
+            filled.positions[at] = walls.middle(walls.cell(number)).as_vec3();
+            filled.normals[at] = Vec3::ZERO;
+        }
+    }
+    Ok(filled)
+}
+
+/// The numbers, rising, of the cells that are inside, and of those that the mesh alone goes through.
+fn inside(walls: &Walls, views: &dyn Views, progress: &Progress) -> Result<Vec<u64>, SceneError> {
+    let carved = carve(walls, views, progress)?;
+    let voxel = walls.voxel;
+    let within_limit = |numbers: &[u64]| match numbers.len() > MOST_ADDED {
+        true => Err(SceneError::Request(format!(
+            "voxels of {voxel} enclose more than {MOST_ADDED} others; give a larger size"
+        ))),
+        false => Ok(()),
+    };
+    let mut inside = Vec::new();
+    for word in carved.enclosed.words() {
+        inside.extend(carved.enclosed.cells(word, carved.enclosed.bits(word)).map(|cell| walls.number(cell)));
+        within_limit(&inside)?;
+    }
+    let mut inside = covered(walls, &carved.free, &inside);
+    for word in walls.cells.words() {
+        let numbers = walls.cells.cells(word, walls.cells.bits(word)).map(|cell| walls.number(cell));
+        inside.extend(numbers.filter(|number| walls.voxel_at(*number).is_none()));
+        within_limit(&inside)?;
+    }
+    inside.sort_unstable();
+    Ok(inside)
+}
+
+/// Those of the cells, rising, whose connected piece meets walls and hardly any space that was seen empty.
+fn covered(walls: &Walls, free: &Bits, cells: &[u64]) -> Vec<u64> {
+    let mut parent: Vec<u32> = (0..cells.len() as u32).collect();
+    for (at, &number) in (0..).zip(cells) {
+        for next in walls.steps().into_iter().filter_map(|step| cells.binary_search(&(number + step)).ok()) {
+            let (a, b) = (root(&mut parent, at), root(&mut parent, next as u32));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut faces = vec![[0usize; 2]; cells.len()];
+    for (at, &number) in (0..).zip(cells) {
+        let piece = root(&mut parent, at) as usize;
+        for next in walls.around(number).map(|next| walls.cell(next)) {
+            faces[piece][0] += usize::from(walls.cells.is_set(next));
+            faces[piece][1] += usize::from(free.is_set(next));
+        }
+    }
+    let mut is_covered = |at: u32| {
+        let [wall, open] = faces[root(&mut parent, at) as usize];
+        open as f64 <= OPEN * wall as f64
+    };
+    (0..cells.len() as u32).filter(|&at| is_covered(at)).map(|at| cells[at as usize]).collect()
+}
+
+fn root(parent: &mut [u32], mut at: u32) -> u32 {
+    while parent[at as usize] != at {
+        parent[at as usize] = parent[parent[at as usize] as usize];
+        at = parent[at as usize];
+    }
+    at
+}
+
+/// For each of these cells the nearest voxel, by steps over their faces; [`NONE`] where no voxel touches their piece.
+fn nearest(walls: &Walls, inside: &[u64], labels: &[LabelId], progress: &Progress) -> Result<Vec<u32>, SceneError> {
+    let touching = |number: u64| {
+        let voxels = walls.around(number).filter_map(|next| walls.voxel_at(next));
+        voxels.min_by_key(|&voxel| (labels[voxel as usize], voxel)).unwrap_or(NONE)
+    };
+    let mut sources: Vec<u32> = inside.par_iter().map(|&number| touching(number)).collect();
+    let mut rim: Vec<usize> = (0..inside.len()).filter(|&at| sources[at] != NONE).collect();
+    while !rim.is_empty() {
+        progress.check()?;
+        let mut offers: Vec<(usize, LabelId, u32)> = Vec::new();
+        for &at in &rim {
+            let next = walls.around(inside[at]).filter_map(|next| inside.binary_search(&next).ok());
+            let unowned = next.filter(|&next| sources[next] == NONE);
+            offers.extend(unowned.map(|next| (next, labels[sources[at] as usize], sources[at])));
+        }
+        offers.par_sort_unstable();
+        offers.dedup_by_key(|&mut (next, ..)| next);
+        offers.iter().for_each(|&(next, _, source)| sources[next] = source);
+        rim = offers.into_iter().map(|(next, ..)| next).collect();
+    }
+    Ok(sources)
+}

@@ -1,0 +1,75 @@
+use std::ffi::OsStr;
+use std::fs::{self, OpenOptions};
+use std::path::Path;
+
+/// How the names of temporary files begin …
+pub(super) const PREFIX: &str = ".ostra-";
+/// … and end.
+pub(super) const SUFFIX: &str = ".tmp";
+/// The file in a temporary folder that is locked while the folder is in use.
+pub(super) const LOCK: &str = ".lock";
+
+/// Whether a file of this name is one that [`super::AtomicFile`] writes to until it is complete.
+#[must_use]
+pub fn is_temporary(name: &OsStr) -> bool {
+    let name = name.to_string_lossy();
+    name.starts_with(PREFIX) && name.ends_with(SUFFIX)
+}
+
+/// Removes the temporary files that killed processes left in `folder` and, with `below`, in the folders inside it. Those
+/// that a running process writes to are locked and stay. Links to folders are not followed.
+pub fn remove_leftovers(folder: &Path, below: bool) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let Ok(kind) = entry.file_type() else { continue };
+        let (path, is_temporary) = (entry.path(), is_temporary(&entry.file_name()));
+        if kind.is_dir() && is_temporary {
+            if is_abandoned(&path.join(LOCK)) {
+                let _ = fs::remove_dir_all(path);
+            }
+        } else if kind.is_dir() && below {
+            remove_leftovers(&path, below);
+        } else if kind.is_file() && is_temporary && is_abandoned(&path) {
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
+fn is_abandoned(path: &Path) -> bool {
+    OpenOptions::new().write(true).open(path).is_ok_and(|file| file.try_lock().is_ok())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+    use crate::disk::{AtomicFile, WorkFolder};
+
+    #[test]
+    fn leftovers_of_killed_processes_go_and_files_being_written_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let inner = folder.path().join("inner");
+        fs::create_dir(&inner).unwrap();
+        for abandoned in [folder.path().join(".ostra-a.ply.x1.tmp"), inner.join(".ostra-b.x2.tmp")] {
+            fs::write(abandoned, "half").unwrap();
+        }
+        fs::write(folder.path().join("notes.tmp"), "the user's").unwrap();
+        let abandoned = folder.path().join(".ostra-x3.tmp");
+        fs::create_dir(&abandoned).unwrap();
+        fs::write(abandoned.join(LOCK), "").unwrap();
+        let working = WorkFolder::create(folder.path()).unwrap();
+        let mut writing = AtomicFile::create(&folder.path().join("c.ply")).unwrap();
+        writing.write_all(b"whole").unwrap();
+        remove_leftovers(folder.path(), false);
+        assert_eq!(fs::read_dir(&inner).unwrap().count(), 1);
+        remove_leftovers(folder.path(), true);
+        assert_eq!(fs::read_dir(&inner).unwrap().count(), 0);
+        assert!(working.path().is_dir() && !abandoned.exists());
+        drop(working);
+        writing.commit().unwrap();
+        let mut names: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        assert_eq!(names, ["c.ply", "inner", "notes.tmp"]);
+    }
+}

@@ -1,0 +1,156 @@
+use glam::Vec3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::frusta::inside_frusta;
+use super::in_depth::{differences_by_features, differences_by_guess};
+use super::labels::{LabelScore, score_labels};
+use super::pairing::pair_labels;
+use super::sightings::FeatureViews;
+use super::surface::{SurfaceScore, score_surface};
+use ostra_cloud::points::Neighbours;
+use ostra_cloud::{LabelledCloud, SceneError};
+use ostra_core::job::Progress;
+use ostra_frames::FrameCamera;
+use ostra_geometry::Similarity;
+use ostra_masks::LabelId;
+
+/// How a cloud is scored against a true one.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CloudScoreOptions {
+    /// Distances in cloud units, above 0. The first decides which points match for the labels, the surface is scored at
+    /// each; none = every truth point matches its nearest.
+    pub within: Vec<f64>,
+    /// Both clouds' labels are read at this level (1 = top); `None` = the deepest.
+    pub level: Option<usize>,
+    /// Cameras in the truth's space; only truth points inside at least `min_views` of their frusta count.
+    pub cameras: Vec<FrameCamera>,
+    /// As above; 0 = every truth point counts.
+    pub min_views: usize,
+    /// Pictures that tell which truth points a camera sees, for the comparison in depth; `None` = by the frusta of
+    /// `cameras`, those that nothing hides.
+    pub pictures: Option<FeatureViews>,
+    /// Brings the result into the truth's space first.
+    pub truth_from_result: Option<Similarity>,
+}
+
+/// A cloud's score.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CloudScore {
+    /// Truth points that count.
+    pub truth_points: usize,
+    /// Result points.
+    pub result_points: usize,
+    /// Labels of truth points against those of their nearest result points.
+    pub labels: LabelScore,
+    /// Median distance from a truth point to the nearest result point, in cloud units.
+    pub median_distance: f64,
+    /// Pairs of a result point and a truth point compared in depth, one for each camera that sees both; `None` without
+    /// cameras.
+    #[serde(default)]
+    pub compared_in_depth: Option<usize>,
+    /// The surface at each distance.
+    pub surface: Vec<SurfaceScore>,
+}
+
+/// Scores `result` against `truth`: each truth point takes the label of the nearest result point, 0 where that is
+/// farther than the first distance.
+///
+/// # Errors
+/// [`SceneError::Request`] when a cloud is empty, a distance is not above 0, or no truth point lies inside enough
+/// frusta or is shown by the pictures; [`SceneError::Stopped`].
+pub fn score_cloud(
+    truth: &LabelledCloud,
+    result: &LabelledCloud,
+    options: &CloudScoreOptions,
+    progress: &Progress,
+) -> Result<CloudScore, SceneError> {
+    progress.stage("score")?;
+    if let Some(bad) = options.within.iter().find(|within| !(within.is_finite() && **within > 0.0)) {
+        return Err(SceneError::Request(format!("a distance of {bad} is not possible; give lengths above 0")));
+    }
+    let truth = counted_truth(&at_level(truth, options.level), options)?;
+    let result = aligned(&at_level(result, options.level), options.truth_from_result);
+    let empty = || SceneError::Request("a cloud without points cannot be scored; check both files".into());
+    let (in_result, in_truth) =
+        Neighbours::new(&result.positions).zip(Neighbours::new(&truth.all)).ok_or_else(empty)?;
+    let to_result = distances(&truth.cloud.positions, &in_result, progress)?;
+    let to_truth = distances(&result.positions, &in_truth, progress)?;
+    let clouds = (truth.all.as_slice(), result.positions.as_slice());
+    let in_depth = match &options.pictures {
+        Some(views) => differences_by_features(clouds, views, progress)?,
+        None => differences_by_guess(clouds, &options.cameras, progress)?,
+    };
+    let has_cameras = options.pictures.is_some() || !options.cameras.is_empty();
+    let first = options.within.first().copied().unwrap_or(f64::INFINITY);
+    let paired = pair_labels(&truth.cloud.tree, &result.tree);
+    let taken = to_result.iter().map(|&(index, distance)| match f64::from(distance) <= first {
+        true => {
+            let label = result.labels[index];
+            Some(paired.get(&label).copied().unwrap_or(label))
+        }
+        false => None,
+    });
+    Ok(CloudScore {
+        truth_points: truth.cloud.len(),
+        result_points: result.len(),
+        labels: score_labels(&truth.cloud, taken, &result.tree, &paired),
+        median_distance: median(to_result.iter().map(|&(_, distance)| distance)),
+        compared_in_depth: has_cameras.then_some(in_depth.len()),
+        surface: options.within.iter().map(|&at| score_surface(at, &to_result, &to_truth, &in_depth)).collect(),
+    })
+}
+
+/// The truth points that count, and where all of them are.
+struct CountedTruth {
+    cloud: LabelledCloud,
+    all: Vec<Vec3>,
+}
+
+fn counted_truth(truth: &LabelledCloud, options: &CloudScoreOptions) -> Result<CountedTruth, SceneError> {
+    let all = truth.positions.clone();
+    if options.min_views == 0 {
+        return Ok(CountedTruth { cloud: truth.clone(), all });
+    }
+    let views = inside_frusta(&all, &options.cameras);
+    let inside: Vec<u32> = (0..all.len() as u32).filter(|&p| views[p as usize] as usize >= options.min_views).collect();
+    if inside.is_empty() {
+        return Err(SceneError::Request(format!(
+            "no truth point lies inside {} of the {} frusta; check that the cameras belong to the truth, or ask for fewer",
+            options.min_views,
+            options.cameras.len()
+        )));
+    }
+    Ok(CountedTruth { cloud: truth.select(&inside), all })
+}
+
+fn at_level(cloud: &LabelledCloud, level: Option<usize>) -> LabelledCloud {
+    level.map_or_else(|| cloud.clone(), |level| cloud.at_level(level))
+}
+
+fn aligned(cloud: &LabelledCloud, transform: Option<Similarity>) -> LabelledCloud {
+    let Some(transform) = transform else { return cloud.clone() };
+    let moved = cloud.positions.iter().map(|position| transform.transform(position.as_dvec3()).as_vec3());
+    LabelledCloud { positions: moved.collect(), ..cloud.clone() }
+}
+
+fn distances(points: &[Vec3], to: &Neighbours, progress: &Progress) -> Result<Vec<(usize, f32)>, SceneError> {
+    let chunks: Vec<Vec<(usize, f32)>> = points
+        .par_chunks(4096)
+        .map(|chunk| progress.check().map(|()| chunk.iter().map(|&point| to.nearest(point)).collect()))
+        .collect::<Result<_, _>>()?;
+    Ok(chunks.concat())
+}
+
+fn median(values: impl Iterator<Item = f32>) -> f64 {
+    let mut values: Vec<f32> = values.collect();
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    let (_, median, _) = values.select_nth_unstable_by(middle, f32::total_cmp);
+    f64::from(*median)
+}
+
+/// A matched label; `None` = no result point is near enough.
+pub(super) type Taken = Option<LabelId>;

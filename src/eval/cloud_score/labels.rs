@@ -1,0 +1,130 @@
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::cloud::Taken;
+use ostra_cloud::LabelledCloud;
+use ostra_masks::{LabelId, LabelTree};
+
+/// Labels of truth points against the labels that they took.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct LabelScore {
+    /// For each truth label that has points, ordered by id.
+    pub iou: Vec<LabelIou>,
+    /// Mean of the IoU over those labels; 0 where there are none.
+    pub mean_iou: f64,
+    /// Share of the truth points with a label that took the right one.
+    pub accuracy: f64,
+    /// Share of all truth points that have a result point near enough.
+    pub matched: f64,
+    /// Who took what.
+    pub confusion: Confusion,
+}
+
+/// One label's intersection over union.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LabelIou {
+    /// The truth's id.
+    pub id: LabelId,
+    /// The truth's name.
+    pub name: String,
+    /// Truth points with the label *and* took it, over truth points with the label *or* took it.
+    pub iou: f64,
+    /// Truth points with the label.
+    pub points: usize,
+}
+
+/// Counts of truth points by their label (rows) and the label they took (columns).
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Confusion {
+    /// Name of each row; `-` = no label.
+    pub truth: Vec<String>,
+    /// Name of each column; `-` = no label, or no result point near enough.
+    pub result: Vec<String>,
+    /// Row by row.
+    pub counts: Vec<Vec<usize>>,
+}
+
+/// Scores what truth points took: `taken` runs along the points of `truth`, result labels already put into the truth's
+/// ids by `paired`.
+pub(super) fn score_labels(
+    truth: &LabelledCloud,
+    taken: impl Iterator<Item = Taken>,
+    result_tree: &LabelTree,
+    paired: &BTreeMap<LabelId, LabelId>,
+) -> LabelScore {
+    let mut counts: BTreeMap<(LabelId, LabelId), usize> = BTreeMap::new();
+    let mut matched = 0;
+    for (&label, taken) in truth.labels.iter().zip(taken) {
+        matched += usize::from(taken.is_some());
+        *counts.entry((label, taken.unwrap_or_default())).or_default() += 1;
+    }
+    let names = names(&truth.tree, result_tree, paired);
+    let iou = ious(&counts, &names);
+    let labelled: usize = sum(&counts, |row, _| row != LabelId::NONE);
+    let right = sum(&counts, |row, column| row != LabelId::NONE && row == column);
+    LabelScore {
+        mean_iou: iou.iter().map(|label| label.iou).sum::<f64>() / iou.len().max(1) as f64,
+        accuracy: share(right, labelled),
+        matched: share(matched, truth.len()),
+        confusion: confusion(&counts, &names),
+        iou,
+    }
+}
+
+type Counts = BTreeMap<(LabelId, LabelId), usize>;
+
+fn sum(counts: &Counts, of: impl Fn(LabelId, LabelId) -> bool) -> usize {
+    counts.iter().filter(|((row, column), _)| of(*row, *column)).map(|(_, count)| count).sum()
+}
+
+fn share(part: usize, whole: usize) -> f64 {
+    if whole == 0 { 0.0 } else { part as f64 / whole as f64 }
+}
+
+fn ious(counts: &Counts, names: &BTreeMap<LabelId, String>) -> Vec<LabelIou> {
+    let mut ids: Vec<LabelId> = counts.keys().map(|&(row, _)| row).filter(|&row| row != LabelId::NONE).collect();
+    ids.dedup();
+    let iou = |id: LabelId| LabelIou {
+        id,
+        name: name(names, id),
+        iou: share(
+            sum(counts, |row, column| row == id && column == id),
+            sum(counts, |row, column| row == id || column == id),
+        ),
+        points: sum(counts, |row, _| row == id),
+    };
+    ids.into_iter().map(iou).collect()
+}
+
+fn confusion(counts: &Counts, names: &BTreeMap<LabelId, String>) -> Confusion {
+    let axis = |of: fn(&(LabelId, LabelId)) -> LabelId| {
+        let mut ids: Vec<LabelId> = counts.keys().map(of).collect();
+        ids.sort_unstable();
+        ids.dedup();
+        ids
+    };
+    let (rows, columns) = (axis(|key| key.0), axis(|key| key.1));
+    let count = |row, column| counts.get(&(row, column)).copied().unwrap_or(0);
+    Confusion {
+        truth: rows.iter().map(|&id| name(names, id)).collect(),
+        result: columns.iter().map(|&id| name(names, id)).collect(),
+        counts: rows.iter().map(|&row| columns.iter().map(|&column| count(row, column)).collect()).collect(),
+    }
+}
+
+/// Names by the truth's ids, with those of result labels that have no partner.
+fn names(truth: &LabelTree, result: &LabelTree, paired: &BTreeMap<LabelId, LabelId>) -> BTreeMap<LabelId, String> {
+    let stand_ins = result.iter().filter_map(|label| Some((*paired.get(&label.id)?, label.name.clone())));
+    let mut names: BTreeMap<LabelId, String> = stand_ins.collect();
+    names.extend(truth.iter().map(|label| (label.id, label.name.clone())));
+    names
+}
+
+fn name(names: &BTreeMap<LabelId, String>, id: LabelId) -> String {
+    match names.get(&id) {
+        _ if id == LabelId::NONE => "-".into(),
+        Some(name) => name.clone(),
+        None => id.0.to_string(),
+    }
+}

@@ -1,0 +1,256 @@
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use glam::DVec3;
+
+use super::levels::{score_levels, tell_apart};
+use super::report::{CloudReport, DemoReport, LevelsReport, MaskReport};
+use super::studio::{Studio, Watch};
+use super::user::SimulatedUser;
+use super::workspace;
+use crate::cloud_score::{CloudScoreOptions, score_cloud};
+use crate::synthetic::{Scene, SceneOptions, TruthOptions, View};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::ply::{Coloring, read_mesh, read_ply, save_mesh, save_ply};
+use ostra_core::disk;
+use ostra_core::job::Progress;
+use ostra_frames::cameras::IntrinsicsSource;
+use ostra_frames::{Frame, FrameFolder, OpenRequest};
+use ostra_geometry::{Alignment, Camera, Similarity};
+use ostra_masks::LabelMask;
+use ostra_project::{ExportRequest, FuseRequest, ReconstructMethod, ReconstructRequest};
+use ostra_session::{AdoptRequest, Command, NewProject, Session};
+
+/// What the demo makes and where.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DemoOptions {
+    /// Folder for everything: `recording/`, `project/`, `truth/`, `cloud.ply`, `mesh.ply`, `report.json`.
+    pub out: PathBuf,
+    /// The scene.
+    pub scene: SceneOptions,
+    /// Where cameras and depths come from.
+    pub method: DemoMethod,
+}
+
+/// Where the demo's cameras and depths come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DemoMethod {
+    /// The exact cameras and a made sensor's depths.
+    Given,
+    /// From the pictures alone: structure from motion, then stereo. The cloud is aligned to the truth by Sim(3) of the
+    /// camera centres.
+    Stereo,
+    /// Poses from the made sensor's depths and the pictures. The cloud is aligned to the truth by SE(3) of the camera
+    /// centres.
+    Rgbd,
+}
+
+impl DemoMethod {
+    /// How cameras are found, where they are, and how the outcome is aligned to the truth.
+    fn reconstruction(self) -> Option<(ReconstructMethod, Alignment)> {
+        match self {
+            Self::Given => None,
+            Self::Stereo => Some((ReconstructMethod::Mvs, Alignment::Sim3)),
+            Self::Rgbd => Some((ReconstructMethod::Rgbd, Alignment::Se3)),
+        }
+    }
+}
+
+/// Clicks per class on the first frame, and on each frame corrected after.
+const FIRST_CLICKS: usize = 7;
+const CORRECTING_CLICKS: usize = 1;
+
+/// Truth points farther from the result than this count as not reconstructed, metres.
+const WITHIN_M: f64 = 0.003;
+
+/// Does the whole job on a made scene: writes the recording, makes a project, clicks as a simulated user would (at most
+/// [`super::MAX_CLICKS`] per label), carries the masks through geometry, fuses, exports, and scores all of it against the exact truth.
+/// The project stays open in `session`.
+///
+/// # Errors
+/// When `out` cannot be written or holds something else, or a stage fails or is stopped.
+pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<'_>) -> Result<DemoReport> {
+    let mut clock = Clock::default();
+    let out = &options.out;
+    let _claim = workspace::prepare(out)?;
+    let scene = Scene::build(&options.scene)?;
+    let truth_cloud = clock.time("1 scene", || make_recording(&scene, out))?;
+    let truth_masks: Vec<LabelMask> = scene.views().iter().map(|view| scene.render_exact(view).mask).collect();
+
+    let mut studio = Studio::new(session, watch);
+    clock.time("2 open", || studio.act(Command::New(new_project(out, options.method, scene.views()))))?;
+    if let Some((method, _)) = options.method.reconstruction() {
+        let request = ReconstructRequest { method, ..ReconstructRequest::default() };
+        clock.time("3 reconstruct", || studio.act(Command::Reconstruct(request)))?;
+    }
+    let told_apart = scene.classes_told_apart();
+    let mut user = SimulatedUser::new(&mut studio, truth_masks, scene.tree(), &scene.clicked_labels(), &told_apart)?;
+    let first = user.clearest_frame();
+    clock.time("4 click", || user.click_on(&mut studio, first, FIRST_CLICKS))?;
+    clock.time("5 track", || SimulatedUser::track(&mut studio))?;
+    while let Some(frame) = user.worst_frame(&studio)? {
+        let before = user.clicks();
+        clock.time("4 click", || user.click_on(&mut studio, frame, CORRECTING_CLICKS))?;
+        if user.clicks() == before {
+            break;
+        }
+        clock.time("5 track", || SimulatedUser::track(&mut studio))?;
+    }
+    studio.session.release_memory();
+    clock.time("6 fuse", || studio.act(Command::Fuse(FuseRequest::default())))?;
+    if studio.session.votes().is_some_and(|votes| votes.has_voters()) {
+        clock.time("6 adopt", || studio.act(Command::Adopt(AdoptRequest::default())))?;
+    }
+    if !told_apart.is_empty() {
+        clock.time("6 instances", || tell_apart(&mut studio, &told_apart))?;
+    }
+    studio.session.release_memory();
+    clock.time("6 fuse", || {
+        studio.act(Command::Fuse(FuseRequest { drop_unlabelled: true, ..FuseRequest::default() }))
+    })?;
+    let cloud_path = out.join("cloud.ply");
+    let mesh_path = studio.session.surface_voxel().map(|_| out.join("mesh.ply"));
+    let export = ExportRequest { cloud: Some(cloud_path.clone()), mesh: mesh_path.clone(), ..ExportRequest::default() };
+    clock.time("7 export", || studio.act(Command::Export(export)))?;
+    if let Some((_, alignment)) = options.method.reconstruction() {
+        let project = studio.session.project().context("no project is open")?;
+        align([Some(&cloud_path), mesh_path.as_ref()], &project.frames, scene.views(), alignment)?;
+    }
+    let (cloud, levels) = clock.time("8 score", || score(&truth_cloud, &cloud_path, &told_apart))?;
+    let report = DemoReport {
+        cloud,
+        levels,
+        masks: MaskReport { iou: user.mean_ious(&studio)? },
+        clicks: user.clicks(),
+        seconds: clock.seconds,
+        scene: describe(&options.scene),
+    };
+    let json = serde_json::to_string_pretty(&report)?;
+    write(&out.join("report.json"), json.as_bytes())?;
+    Ok(report)
+}
+
+/// Wall time by stage; a stage that comes again is added to.
+#[derive(Default)]
+struct Clock {
+    seconds: BTreeMap<String, f64>,
+}
+
+impl Clock {
+    fn time<T>(&mut self, stage: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        let begun = Instant::now();
+        let result = work();
+        *self.seconds.entry(stage.to_owned()).or_default() += begun.elapsed().as_secs_f64();
+        result
+    }
+}
+
+fn make_recording(scene: &Scene, out: &Path) -> Result<LabelledCloud> {
+    let progress = Progress::default();
+    let recording = out.join("recording");
+    scene.write(&recording, &progress)?;
+    let truth = out.join("truth");
+    std::fs::rename(recording.join("truth"), &truth)
+        .with_context(|| format!("{}: cannot be written", truth.display()))?;
+    let cloud = scene.cloud(&TruthOptions { surroundings_m: None, ..TruthOptions::default() }, &progress)?;
+    save_ply(&truth.join("cloud.ply"), &cloud, Coloring::Picture, &progress)?;
+    Ok(cloud)
+}
+
+fn new_project(out: &Path, method: DemoMethod, views: &[View]) -> NewProject {
+    let recording = out.join("recording");
+    let given = |path: &str, given: bool| given.then(|| recording.join(path));
+    let depth = given("depth", method != DemoMethod::Stereo);
+    let source = FrameFolder { frames: recording.join("color"), depth };
+    // A recording of a depth camera comes with the camera's intrinsics, and nothing else.
+    let camera = views.first().filter(|_| method == DemoMethod::Rgbd).map(|view| view.camera);
+    NewProject {
+        root: out.join("project"),
+        open: OpenRequest { sources: vec![source], depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() },
+        cameras: given("sparse", method == DemoMethod::Given),
+        intrinsics: camera.map(|Camera { focal_px, principal_px, .. }| {
+            IntrinsicsSource::Values([focal_px.x, focal_px.y, principal_px.x, principal_px.y])
+        }),
+    }
+}
+
+/// Moves the cloud and the mesh in these files to where the true camera centres are.
+fn align([cloud, mesh]: [Option<&PathBuf>; 2], frames: &[Frame], views: &[View], alignment: Alignment) -> Result<()> {
+    let pairs = frames.iter().zip(views).filter_map(|(frame, view)| {
+        let (_, found) = frame.posed_camera()?;
+        Some((found.centre(), view.camera_from_world.centre()))
+    });
+    let (found, truth): (Vec<DVec3>, Vec<DVec3>) = pairs.unzip();
+    let to_truth = Similarity::align(&found, &truth, alignment)?;
+    let progress = Progress::default();
+    if let Some(path) = cloud {
+        let mut cloud = read_ply(path, &progress)?.cloud;
+        transform(&mut cloud, &to_truth);
+        save_ply(path, &cloud, Coloring::Picture, &progress)?;
+    }
+    if let Some(path) = mesh {
+        let mut mesh = read_mesh(path, &progress)?;
+        transform(&mut mesh.vertices, &to_truth);
+        save_mesh(path, &mesh, Coloring::Picture, &progress)?;
+    }
+    Ok(())
+}
+
+fn transform(cloud: &mut LabelledCloud, by: &Similarity) {
+    for position in &mut cloud.positions {
+        *position = by.transform(position.as_dvec3()).as_vec3();
+    }
+    for normal in &mut cloud.normals {
+        *normal = (by.rotation * normal.as_dvec3()).as_vec3();
+    }
+}
+
+fn score(
+    truth: &LabelledCloud,
+    cloud_path: &Path,
+    told_apart: &[String],
+) -> Result<(CloudReport, Option<LevelsReport>)> {
+    let progress = Progress::default();
+    let result = read_ply(cloud_path, &progress)?.cloud;
+    let level = Some(Scene::CLASS_LEVEL);
+    let options = CloudScoreOptions { within: vec![WITHIN_M], level, ..CloudScoreOptions::default() };
+    let score = score_cloud(truth, &result, &options, &progress)?;
+    let mut parts = BTreeMap::new();
+    for (name, of_part) in parts_of(truth) {
+        let labels = score_cloud(&of_part, &result, &options, &progress)?.labels;
+        parts.insert(name, labels.accuracy);
+    }
+    let has_levels = !told_apart.is_empty();
+    let levels = has_levels.then(|| score_levels(truth, &result, told_apart, WITHIN_M)).transpose()?;
+    let cloud = CloudReport {
+        iou: score.labels.iou.iter().map(|label| (label.name.clone(), label.iou)).collect(),
+        parts,
+        accuracy: score.labels.accuracy,
+        median_distance_mm: score.median_distance * 1000.0,
+        points: result.len(),
+    };
+    Ok((cloud, levels))
+}
+
+/// The points of each kind of part, as the last word of its label's name says it: `sheath` for `leaf 3 sheath`.
+fn parts_of(truth: &LabelledCloud) -> BTreeMap<String, LabelledCloud> {
+    let mut indices: BTreeMap<String, Vec<u32>> = BTreeMap::new();
+    for (at, &id) in truth.labels.iter().enumerate() {
+        let is_part = truth.tree.depth(id) > Scene::CLASS_LEVEL;
+        let name = truth.tree.get(id).and_then(|label| label.name.rsplit(' ').next());
+        if let Some(kind) = name.filter(|kind| is_part && kind.parse::<usize>().is_err()) {
+            indices.entry(kind.to_owned()).or_default().push(at as u32);
+        }
+    }
+    indices.into_iter().map(|(kind, indices)| (kind, truth.select(&indices))).collect()
+}
+
+fn describe(scene: &SceneOptions) -> String {
+    format!("{:?}, {} views of {}x{}, seed {}", scene.scene, scene.views, scene.width, scene.height, scene.seed)
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    disk::write(path, bytes).with_context(|| format!("{}: cannot be written", path.display()))
+}

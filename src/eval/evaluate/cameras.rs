@@ -1,0 +1,105 @@
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use serde::Serialize;
+
+use ostra_frames::cameras::{CameraKey, GivenCamera, GivenCameras};
+use ostra_geometry::{Alignment, Pose, TrajectoryError};
+
+/// How far cameras are from the true ones.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CameraScore {
+    /// Number of true cameras.
+    pub truth: usize,
+    /// Number of result cameras.
+    pub result: usize,
+    /// True cameras that the result lacks.
+    pub missing: Vec<String>,
+    /// Errors over the cameras that both have.
+    pub error: TrajectoryError,
+    /// Root mean square of the centre errors, as per cent of the largest distance of a true centre from their centroid.
+    pub centre_percent: f64,
+}
+
+/// Compares cameras in any format that can be read, matched by picture name without ending (else by file name, number
+/// or time). With `turns` their orientations are laid onto each other too, not the centres alone.
+///
+/// # Errors
+/// When a file cannot be read, no camera matches, or too few match for the alignment.
+pub fn score_cameras(truth: &Path, result: &Path, alignment: Alignment, turns: bool) -> Result<CameraScore> {
+    let posed = |path: &Path| -> Result<Vec<GivenCamera>> {
+        let all = GivenCameras::read(path)?.cameras.into_iter();
+        Ok(all.filter(|camera| camera.camera_from_world.is_ok()).collect())
+    };
+    let (truth_cameras, result_cameras) = (posed(truth)?, posed(result)?);
+    let found = index(&result_cameras, full_key);
+    let found_by_file = index(&result_cameras, file_key);
+    let mut pairs: Vec<(Pose, Pose)> = Vec::new();
+    let mut missing = Vec::new();
+    for camera in &truth_cameras {
+        let partner = found.get(&full_key(&camera.key)).or_else(|| found_by_file.get(&file_key(&camera.key)));
+        match partner.copied().flatten() {
+            Some(GivenCamera { camera_from_world: Ok(other), .. }) => {
+                pairs.extend(camera.camera_from_world.iter().map(|pose| (*other, *pose)));
+            }
+            _ => missing.push(full_key(&camera.key)),
+        }
+    }
+    if pairs.is_empty() {
+        bail!(
+            "no camera of {} is in {} ({} and {}, for example); give cameras of the same pictures",
+            truth.display(),
+            result.display(),
+            full_key(&truth_cameras[0].key),
+            full_key(&result_cameras[0].key)
+        );
+    }
+    let (result_poses, truth_poses): (Vec<Pose>, Vec<Pose>) = pairs.into_iter().unzip();
+    let between = if turns { TrajectoryError::between_poses } else { TrajectoryError::between };
+    let error = between(&result_poses, &truth_poses, alignment)?;
+    let centre_percent = 100.0 * error.centre.rmse / error.extent.max(f64::MIN_POSITIVE);
+    Ok(CameraScore { truth: truth_cameras.len(), result: result_cameras.len(), missing, error, centre_percent })
+}
+
+/// Cameras by key; `None` where several share it, which are not guessed at.
+fn index(cameras: &[GivenCamera], key: impl Fn(&CameraKey) -> String) -> BTreeMap<String, Option<&GivenCamera>> {
+    let mut found = BTreeMap::new();
+    for camera in cameras {
+        found.entry(key(&camera.key)).and_modify(|entry| *entry = None).or_insert(Some(camera));
+    }
+    found
+}
+
+/// The name without ending, the number, or the time to the microsecond.
+fn full_key(key: &CameraKey) -> String {
+    match key {
+        CameraKey::Name(name) => {
+            let file_at = name.rfind('/').map_or(0, |at| at + 1);
+            let stem_end = name[file_at..].rfind('.').filter(|&at| at > 0).map_or(name.len(), |at| file_at + at);
+            name[..stem_end].to_owned()
+        }
+        CameraKey::Index(number) => number.to_string(),
+        CameraKey::Time(time) => format!("{time:.6}"),
+    }
+}
+
+/// The file's own name without ending; a number loses its leading zeros, so that it meets the formats that count.
+fn file_key(key: &CameraKey) -> String {
+    let full = full_key(key);
+    let file = full.rsplit('/').next().unwrap_or_default();
+    file.parse::<u64>().map_or_else(|_| file.to_owned(), |number| number.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_meet_across_folders_endings_and_numbers() {
+        let name = |text: &str| CameraKey::Name(text.into());
+        assert_eq!(full_key(&name("a/b.c.png")), "a/b.c");
+        assert_eq!(full_key(&name("a.b/c")), "a.b/c");
+        assert_eq!(file_key(&name("color/000012.png")), file_key(&CameraKey::Index(12)));
+    }
+}

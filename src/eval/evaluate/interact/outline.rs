@@ -1,0 +1,235 @@
+use std::ops::Range;
+
+use anyhow::Result;
+use glam::DVec2;
+
+use super::aim::Aim;
+use ostra_masks::{
+    LabelId, LabelMask, LabelTree, Outline, PaintRule, Region, assign, erase, fill_polygons, outlines, polygon_spans,
+    pull,
+};
+
+/// What a user draws with the polygon tool, corner by corner, and by pulling borders.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawn {
+    /// The frame's mask afterwards.
+    pub mask: LabelMask,
+    /// Corners of all polygons, and borders pulled: each is a click.
+    pub corners: usize,
+}
+
+/// How much of a label on a frame is right.
+pub(super) type Iou<'a> = &'a dyn Fn(&LabelMask) -> f64;
+
+/// The best that polygons alone give, with its value; where nothing pays, `None` and the value of the mask as it is.
+pub(super) fn outlined(
+    (truth, mask): (&LabelMask, &LabelMask),
+    (label, tree): (LabelId, &LabelTree),
+    iou: Iou<'_>,
+    aim: &Aim,
+) -> Result<(Option<Drawn>, f64)> {
+    let mut best = (None, aim.value(iou(mask), 0));
+    for off_px in aim.off_px() {
+        let whole = drawn_whole((truth, mask), (label, tree), off_px)?;
+        let parts = drawn_parts((truth, mask), (label, tree), (iou, aim), off_px, best.1)?;
+        for drawn in [whole, parts].into_iter().flatten() {
+            let value = aim.value(iou(&drawn.mask), drawn.corners);
+            if value > best.1 {
+                best = (Some(drawn), value);
+            }
+        }
+    }
+    Ok(best)
+}
+
+/// The label taken off the frame and drawn anew; where it does not belong there, taken off by one click.
+fn drawn_whole(
+    (truth, mask): (&LabelMask, &LabelMask),
+    (label, tree): (LabelId, &LabelTree),
+    off_px: f64,
+) -> Result<Option<Drawn>> {
+    let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
+    erase(&mut drawn.mask, &mask.region(label), Some(label))?;
+    for polygon in polygons(&truth.region(label), off_px) {
+        drawn.draw(&polygon.keyhole(), (label, tree), true)?;
+    }
+    if !truth.ids.contains(&label) {
+        drawn.corners = 1;
+    }
+    Ok((drawn.corners > 0).then_some(drawn))
+}
+
+/// Wrong parts drawn one after the other, where that pays and can still outdo `best`; `None` where none is drawn.
+fn drawn_parts(
+    (truth, mask): (&LabelMask, &LabelMask),
+    (label, tree): (LabelId, &LabelTree),
+    (iou, aim): (Iou<'_>, &Aim),
+    off_px: f64,
+    best: f64,
+) -> Result<Option<Drawn>> {
+    let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
+    let mut value = aim.value(iou(mask), 0);
+    for Correction { ring, include, .. } in corrections(truth, mask, label, off_px)? {
+        if aim.value(1.0, drawn.corners + ring.len()) <= best {
+            continue;
+        }
+        let mut next = drawn.clone();
+        next.draw(&ring, (label, tree), include)?;
+        let next_value = aim.value(iou(&next.mask), next.corners);
+        if next_value > value {
+            (drawn, value) = (next, next_value);
+        }
+    }
+    Ok((drawn.corners > 0).then_some(drawn))
+}
+
+/// A polygon around a wrong part.
+pub(super) struct Correction {
+    pub ring: Vec<DVec2>,
+    pub include: bool,
+    /// Pixels that it mends, for each of its corners.
+    pub worth: f64,
+    /// What lies inside (places in the frame's pixels row by row).
+    pub pixels: Vec<Range<usize>>,
+}
+
+/// Polygons around the wrong parts of a label, those that mend most for each corner first.
+pub(super) fn corrections(truth: &LabelMask, mask: &LabelMask, label: LabelId, off_px: f64) -> Result<Vec<Correction>> {
+    let mut all = Vec::new();
+    for include in [true, false] {
+        // What polygons change, and where they mend by it.
+        let changed = |is: LabelId| (is == label) != include;
+        let mends = |truth: LabelId| (truth == label) == include;
+        let pairs = || truth.ids.iter().zip(&mask.ids);
+        let wrong = pairs().map(|(&truth, &is)| changed(is) && mends(truth)).collect();
+        for polygon in polygons(&Region { width: mask.width, height: mask.height, inside: wrong }, off_px) {
+            let ring = polygon.keyhole();
+            let mut pixels = Vec::new();
+            polygon_spans(mask.width, mask.height, std::slice::from_ref(&ring), |span| pixels.push(span))?;
+            let inside = pixels.iter().cloned().flatten().filter(|&at| changed(mask.ids[at]));
+            let mended: i64 = inside.map(|at| if mends(truth.ids[at]) { 1 } else { -1 }).sum();
+            if mended > 0 {
+                all.push(Correction { worth: mended as f64 / ring.len() as f64, ring, include, pixels });
+            }
+        }
+    }
+    all.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+    Ok(all)
+}
+
+impl Drawn {
+    pub(super) fn draw(
+        &mut self,
+        ring: &Vec<DVec2>,
+        (label, tree): (LabelId, &LabelTree),
+        include: bool,
+    ) -> Result<()> {
+        let region = fill_polygons(self.mask.width, self.mask.height, std::slice::from_ref(ring))?;
+        if include {
+            assign(&mut self.mask, &region, label, PaintRule::Replace, tree)?;
+        } else {
+            erase(&mut self.mask, &region, Some(label))?;
+        }
+        self.corners += ring.len();
+        Ok(())
+    }
+
+    /// Pulls the border of a label.
+    pub(super) fn pull(&mut self, ends_px: (DVec2, DVec2), (label, tree): (LabelId, &LabelTree)) -> Result<()> {
+        pull(&mut self.mask, ends_px, label, PaintRule::Replace, tree)?;
+        self.corners += 1;
+        Ok(())
+    }
+}
+
+/// What a hand draws around the parts of a region.
+fn polygons(region: &Region, off_px: f64) -> Vec<Outline> {
+    outlines(region).iter().filter_map(|outline| outline.simplified(off_px)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::interact::tests::shape::{LABEL, SIZE, mask};
+
+    fn drawn_from(truth: &LabelMask, mask: &LabelMask) -> Option<Drawn> {
+        drawn_for(truth, mask, 1.0)
+    }
+
+    fn drawn_for(truth: &LabelMask, mask: &LabelMask, price_beyond: f64) -> Option<Drawn> {
+        let iou = |mask: &LabelMask| {
+            let pairs = || mask.ids.iter().zip(&truth.ids);
+            let both = pairs().filter(|(a, b)| **a == LABEL && **b == LABEL).count();
+            both as f64 / pairs().filter(|(a, b)| **a == LABEL || **b == LABEL).count() as f64
+        };
+        let aim = Aim { good_iou: 0.9, price: 1e-6, price_beyond, finest_px: 2.0 };
+        outlined((truth, mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap().0
+    }
+
+    #[test]
+    fn one_wrong_part_is_drawn_and_the_rest_left_as_it_is() {
+        let truth = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y));
+        let missed = mask(|x, y| (20..80).contains(&x) && (20..60).contains(&y) && x + y > 45);
+        assert_eq!(drawn_from(&truth, &missed).unwrap().corners, 4, "the missed stripe, not the corner");
+        let taken = mask(|x, y| (20..80).contains(&x) && (20..95).contains(&y));
+        assert_eq!(drawn_from(&truth, &taken).unwrap(), Drawn { mask: truth.clone(), corners: 4 });
+    }
+
+    #[test]
+    fn more_corners_are_drawn_where_they_pay() {
+        let within = |x: u32, y: u32, across: std::ops::Range<u32>| across.contains(&x) && (20..80).contains(&y);
+        let truth = mask(|x, y| within(x, y, 20..80) || within(x, y, 80..86) && (45..75).contains(&y));
+        let nothing = mask(|_, _| false);
+        assert_eq!(drawn_for(&truth, &nothing, 1.0).unwrap().corners, 4);
+        assert_eq!(drawn_for(&truth, &nothing, 0.004).unwrap(), Drawn { mask: truth.clone(), corners: 8 });
+        assert_eq!(drawn_for(&truth, &nothing, 0.02).unwrap().corners, 4, "four for 0.05 are too dear");
+    }
+
+    #[test]
+    fn what_a_label_lacks_to_be_good_must_pay_too() {
+        let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
+        let (truth, mask) = (mask(square), mask(|x, y| square(x, y) && y < 70));
+        let drawn_with = |price: f64| {
+            let region = truth.region(LABEL);
+            let iou = |mask: &LabelMask| mask.region(LABEL).iou(&region);
+            let aim = Aim { good_iou: 0.9, price, price_beyond: 1.0, finest_px: 1.0 };
+            outlined((&truth, &mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap().0
+        };
+        // Four corners for 0.07 from five sixths to 0.9.
+        assert_eq!(drawn_with(0.015).map(|drawn| drawn.corners), Some(4));
+        assert_eq!(drawn_with(0.02), None);
+    }
+
+    #[test]
+    fn what_mends_most_for_a_corner_is_drawn_first() {
+        let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
+        let comb = |x: u32, y: u32| {
+            (20..80).contains(&x) && ((80..82).contains(&y) || (82..90).contains(&y) && (x / 4).is_multiple_of(2))
+        };
+        let truth = mask(|x, y| square(x, y) || comb(x, y));
+        // Of the square 300 pixels are missed, of the comb with its many corners all 344.
+        let drawn = drawn_from(&truth, &mask(|x, y| square(x, y) && y >= 25)).unwrap();
+        assert_eq!(drawn, Drawn { mask: mask(square), corners: 4 });
+    }
+
+    #[test]
+    fn the_whole_is_drawn_where_that_is_less_work() {
+        let truth = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y));
+        let stripes = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y) && x / 5 % 2 == 0);
+        assert_eq!(drawn_from(&truth, &stripes).unwrap(), Drawn { mask: truth.clone(), corners: 4 });
+        let within = |x: u32, y: u32, side: std::ops::Range<u32>| side.contains(&x) && side.contains(&y);
+        let ring = mask(|x, y| within(x, y, 20..80) && !within(x, y, 40..60));
+        let again = drawn_from(&ring, &mask(|_, _| false)).unwrap();
+        assert!(again.mask.ids[(50 * SIZE + 50) as usize] == LabelId::NONE, "holes stay");
+    }
+
+    #[test]
+    fn what_is_finer_than_the_hand_is_not_drawn() {
+        let dust = mask(|x, y| x % 10 == 0 && y % 10 == 0);
+        assert_eq!(drawn_from(&dust, &mask(|_, _| false)), None);
+        let line = mask(|x, y| x == 50 && y < 90);
+        let beside = mask(|x, y| (50..60).contains(&x) && y < 90);
+        let drawn = drawn_from(&line, &beside);
+        assert_eq!(drawn, Some(Drawn { mask: line, corners: 4 }), "but what is too much beside it is taken away");
+    }
+}

@@ -1,0 +1,59 @@
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::channel;
+
+use anyhow::{Result, bail};
+
+use super::{InteractOptions, InteractReport, Sequence, interact};
+use crate::demo::Watch;
+use ostra_core::job::{Progress, Stopped};
+use ostra_session::Event;
+use ostra_session::{Kind, Landing};
+use ostra_session::{Session, TrackSettings, engines};
+
+/// What a robot user is given.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InteractRequest {
+    /// A folder of frames, a film, or a project.
+    pub frames: PathBuf,
+    /// A folder of true masks.
+    pub truth: PathBuf,
+    /// Name of the tracker.
+    pub tracker: String,
+    /// Name of the segmenter.
+    pub segmenter: String,
+    /// How it works.
+    pub options: InteractOptions,
+}
+
+/// Plays a robot user as [`interact`] does, as a job of a session of its own; `watch` may stop it. Gives warnings about what the
+/// files lack too.
+///
+/// # Errors
+/// As [`Sequence::open`] and [`interact`]; for an engine that is not installed or does not fit the frames.
+pub fn evaluate_interaction(request: &InteractRequest, watch: &mut Watch<'_>) -> Result<(InteractReport, Vec<String>)> {
+    let (request, (sender, receiver)) = (request.clone(), channel());
+    let mut session = Session::new();
+    session.start("Interact", Kind::Long, move |link| {
+        let played = play(&request, &link.progress)?;
+        Ok(Box::new(move |_: &mut Session| Ok(sender.send(played)?)) as Landing)
+    });
+    for event in session.settle(watch) {
+        match event {
+            Event::Failed { error, .. } => bail!(error),
+            Event::Stopped { .. } => return Err(Stopped.into()),
+            _ => {}
+        }
+    }
+    Ok(receiver.try_recv()?)
+}
+
+fn play(request: &InteractRequest, progress: &Progress) -> Result<(InteractReport, Vec<String>)> {
+    let (sequence, warnings) = Sequence::open(&request.frames, &request.truth, progress)?;
+    let geometry = engines::geometry_segmenter(Arc::clone(&sequence.project().frames), Arc::clone(&sequence.store));
+    let segmenter = engines::segmenter(&request.segmenter, geometry)?;
+    let settings = TrackSettings { tracker: request.tracker.clone(), ..TrackSettings::default() };
+    let tracker = engines::tracker(&settings, &sequence.project())?;
+    let report = interact(&sequence, segmenter.as_ref(), tracker.as_ref(), &request.options, progress)?;
+    Ok((report, warnings))
+}

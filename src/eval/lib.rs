@@ -1,0 +1,9 @@
+//! Synthetic scenes, scores, simulated users, and the demo.
+
+pub mod cloud_score;
+pub mod demo;
+pub mod evaluate;
+pub mod synthetic;
+
+#[cfg(test)]
+mod tests;

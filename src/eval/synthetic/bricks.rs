@@ -1,0 +1,95 @@
+use glam::{DQuat, DVec3, IVec3, Vec3};
+
+use super::dice::Dice;
+use super::material::Material;
+use super::mesh::Mesh;
+use super::part::Assembly;
+use super::posters::add_surroundings;
+use super::toy::{PITCH_M, Toy, record_volume};
+use ostra_masks::LabelId;
+
+const WHEEL_RADIUS_M: f64 = 0.022;
+const WHEEL_HALF_WIDTH_M: f64 = 0.008;
+/// Height of the car's lowest bricks above the table.
+const CLEARANCE_M: f64 = 0.014;
+
+/// Studs of the car: across, along, of which bonnet and boot take so many at either end.
+const CAR_STUDS: (i32, i32) = (4, 10);
+const BONNET_STUDS: i32 = 3;
+
+/// A car and a figure of tightly stacked bricks on a table, four wheels flush with the car's sides and two lying apart, before the same
+/// posters as the tiller. The car looks at the cameras, so that all its wheels are seen by some.
+pub(super) fn build_bricks(seed: u64) -> Assembly {
+    let mut dice = Dice::new(seed, 11);
+    let mut assembly = Assembly::default();
+    let whole = assembly.label("toys", None);
+    let [car, wheel, figure] = ["car", "wheel", "figure"].map(|name| assembly.label(name, Some(whole)));
+    add_car(&mut assembly, (car, wheel), &mut dice);
+    add_loose_wheels(&mut assembly, wheel, &mut dice);
+    add_figure(&mut assembly, figure, &mut dice);
+    add_surroundings(&mut assembly, 0.0, &mut Dice::new(seed, 4));
+    assembly
+}
+
+/// Chassis, bonnet, cabin and boot, and a wheel at each corner.
+fn add_car(assembly: &mut Assembly, (class, wheel): (LabelId, LabelId), dice: &mut Dice) {
+    let turn = DQuat::from_rotation_z(dice.range(-0.12, 0.12));
+    let place = DVec3::new(-0.045 + dice.range(-0.006, 0.006), dice.range(-0.01, 0.01), CLEARANCE_M);
+    let (across, along) = CAR_STUDS;
+    let mut toy = Toy::new(place, turn, (across, along));
+    let instance = assembly.label("car 1", Some(class));
+    let cabin_end = along - BONNET_STUDS;
+    for (name, color, low, high) in [
+        ("chassis", [0.78, 0.10, 0.09], [0, 0, 0], [across, along, 1]),
+        ("bonnet", [0.92, 0.72, 0.10], [0, 0, 1], [across, BONNET_STUDS, 2]),
+        ("cabin", [0.16, 0.36, 0.76], [0, BONNET_STUDS, 1], [across, cabin_end, 4]),
+        ("boot", [0.30, 0.64, 0.22], [0, cabin_end, 1], [across, along, 2]),
+    ] {
+        let id = assembly.label(&format!("car 1 {name}"), Some(instance));
+        toy.stack(id, Vec3::from(color), IVec3::from(low), IVec3::from(high));
+    }
+    toy.build(assembly, dice);
+    let side = 0.5 * f64::from(across) * PITCH_M + WHEEL_HALF_WIDTH_M;
+    let axle = (0.5 * f64::from(along) - 1.75) * PITCH_M;
+    let corners = [(-side, -axle), (side, -axle), (-side, axle), (side, axle)];
+    for (k, (x, y)) in corners.into_iter().enumerate() {
+        let above_table = WHEEL_RADIUS_M - CLEARANCE_M;
+        let centre = place + turn * DVec3::new(x, y, above_table);
+        add_wheel(assembly, (wheel, k + 1), centre, turn * DVec3::X, dice);
+    }
+}
+
+/// Two wheels lying flat in front of the toys.
+fn add_loose_wheels(assembly: &mut Assembly, class: LabelId, dice: &mut Dice) {
+    for (k, x, y) in [(5, -0.145, -0.075), (6, 0.060, -0.115)] {
+        let jitter = DVec3::new(dice.range(-0.006, 0.006), dice.range(-0.006, 0.006), 0.0);
+        let centre = DVec3::new(x, y, WHEEL_HALF_WIDTH_M) + jitter;
+        add_wheel(assembly, (class, k), centre, DVec3::Z, dice);
+    }
+}
+
+fn add_wheel(assembly: &mut Assembly, (class, number): (LabelId, usize), centre: DVec3, axis: DVec3, dice: &mut Dice) {
+    let id = assembly.label(&format!("wheel {number}"), Some(class));
+    let mesh = Mesh::cylinder(centre, axis, WHEEL_RADIUS_M, WHEEL_HALF_WIDTH_M, 48);
+    record_volume(assembly, id, std::slice::from_ref(&mesh));
+    assembly.add(id, Material::Rubber, dice.texture_seed(), mesh);
+}
+
+/// Legs, torso, arms at its sides and a head.
+fn add_figure(assembly: &mut Assembly, class: LabelId, dice: &mut Dice) {
+    let turn = DQuat::from_rotation_z(dice.range(-0.15, 0.15));
+    let place = DVec3::new(0.115 + dice.range(-0.006, 0.006), 0.045 + dice.range(-0.01, 0.01), 0.0);
+    let mut toy = Toy::new(place, turn, (4, 2));
+    let instance = assembly.label("figure 1", Some(class));
+    for (name, color, low, high) in [
+        ("legs", [0.14, 0.24, 0.62], [1, 0, 0], [3, 2, 3]),
+        ("torso", [0.86, 0.36, 0.07], [1, 0, 3], [3, 2, 6]),
+        ("right arm", [0.12, 0.52, 0.50], [0, 0, 3], [1, 2, 6]),
+        ("left arm", [0.62, 0.16, 0.50], [3, 0, 3], [4, 2, 6]),
+        ("head", [0.94, 0.78, 0.24], [1, 0, 6], [3, 2, 8]),
+    ] {
+        let id = assembly.label(&format!("figure 1 {name}"), Some(instance));
+        toy.stack(id, Vec3::from(color), IVec3::from(low), IVec3::from(high));
+    }
+    toy.build(assembly, dice);
+}

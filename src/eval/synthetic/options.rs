@@ -1,0 +1,122 @@
+use serde::{Deserialize, Serialize};
+
+use ostra_cloud::SceneError;
+
+/// Which scene is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SceneKind {
+    /// A rice tiller in a pot before a wall of posters.
+    #[default]
+    Tiller,
+    /// A car and a figure of stacked bricks with six wheels, before the same wall.
+    Bricks,
+}
+
+/// What is made and how it is seen.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SceneOptions {
+    /// Which scene.
+    pub scene: SceneKind,
+    /// Number of views along the arc, 1–10 000.
+    pub views: usize,
+    /// Columns of a picture, 16–8192 pixels.
+    pub width: u32,
+    /// Rows of a picture, 16–8192 pixels.
+    pub height: u32,
+    /// Angle of the arc at the specimen, 0–300 degrees.
+    pub arc_deg: f64,
+    /// Distance of the cameras from the specimen's middle, 0.5–3 metres.
+    pub distance_m: f64,
+    /// Shape, texture and arrangement vary with it; the sensor's noise too.
+    pub seed: u64,
+    /// `None` = exact colour and depth.
+    pub noise: Option<SensorNoise>,
+}
+
+impl Default for SceneOptions {
+    fn default() -> Self {
+        Self {
+            scene: SceneKind::Tiller,
+            views: 24,
+            width: 480,
+            height: 640,
+            arc_deg: 120.0,
+            distance_m: 0.9,
+            seed: 1,
+            noise: None,
+        }
+    }
+}
+
+impl SceneOptions {
+    /// Whether every number is in its range.
+    ///
+    /// # Errors
+    /// [`SceneError::Request`] naming the first that is not.
+    pub fn check(&self) -> Result<(), SceneError> {
+        let ranges = [
+            ("number of views", self.views as f64, 1.0, 10_000.0),
+            ("picture width", f64::from(self.width), 16.0, 8192.0),
+            ("picture height", f64::from(self.height), 16.0, 8192.0),
+            ("arc in degrees", self.arc_deg, 0.0, 300.0),
+            ("camera distance in metres", self.distance_m, 0.5, 3.0),
+        ];
+        let noise = self.noise.as_ref().map_or_else(Vec::new, SensorNoise::ranges);
+        for (what, value, low, high) in ranges.into_iter().chain(noise) {
+            if !(low..=high).contains(&value) {
+                return Err(SceneError::Request(format!("the {what} is {value}; choose {low} to {high}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How an RGB-D sensor spoils exact colour and depth.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SensorNoise {
+    /// Standard deviation of depth at the nearest distance, 0–0.02 metres.
+    pub depth_base_m: f64,
+    /// Growth of that deviation with the square of `depth − 0.4 m`, 0–0.02 per metre. Form and default of both from
+    /// Nguyen, Izadi, Lovell, "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking", 3DIMPVT 2012.
+    pub depth_growth: f64,
+    /// A pixel is at an edge where its neighbours' depths differ by more than this, 0.001–1 metres.
+    pub edge_m: f64,
+    /// Share of the edge pixels that fly between front and back, 0–1.
+    pub flying: f64,
+    /// Share of the edge pixels without depth, 0–1.
+    pub missing: f64,
+    /// Depth comes in steps of this, 0.0001–0.01 metres.
+    pub step_m: f64,
+    /// Standard deviation of each colour channel, 0–50 of 255.
+    pub color_sigma: f64,
+}
+
+impl Default for SensorNoise {
+    fn default() -> Self {
+        Self {
+            depth_base_m: 0.0012,
+            depth_growth: 0.0019,
+            edge_m: 0.02,
+            flying: 0.15,
+            missing: 0.25,
+            step_m: 0.001,
+            color_sigma: 2.5,
+        }
+    }
+}
+
+impl SensorNoise {
+    /// Each number with what it is called and its range.
+    fn ranges(&self) -> Vec<(&'static str, f64, f64, f64)> {
+        vec![
+            ("depth noise in metres", self.depth_base_m, 0.0, 0.02),
+            ("growth of depth noise", self.depth_growth, 0.0, 0.02),
+            ("depth edge in metres", self.edge_m, 0.001, 1.0),
+            ("share of flying pixels", self.flying, 0.0, 1.0),
+            ("share of missing pixels", self.missing, 0.0, 1.0),
+            ("depth step in metres", self.step_m, 0.0001, 0.01),
+            ("colour noise", self.color_sigma, 0.0, 50.0),
+        ]
+    }
+}

@@ -1,0 +1,170 @@
+//! What is known of the files that OSTRA exported.
+
+use std::collections::BTreeMap;
+use std::fs::{self, Metadata};
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use anyhow::{Context, Result};
+use serde::{Deserialize, Serialize};
+
+use crate::export_claim::WHOLE_FOLDER;
+use ostra_core::disk;
+
+/// The file in a folder that lists what OSTRA exported into it.
+pub const RECORD: &str = ".ostra-exports.json";
+
+/// What systems put into every folder that is looked at; no work of the user's.
+const SYSTEM_FILES: [&str; 4] = [".DS_Store", "Thumbs.db", "desktop.ini", RECORD];
+
+/// Names a file whatever it is called: links and hard links have the id of what they lead to.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum FileId {
+    #[cfg(unix)]
+    Inode(u64, u64),
+    #[cfg(not(unix))]
+    Path(PathBuf),
+}
+
+impl FileId {
+    #[cfg(unix)]
+    pub(super) fn of(path: &Path) -> Option<Self> {
+        use std::os::unix::fs::MetadataExt;
+        let found = fs::metadata(path).ok()?;
+        Some(Self::Inode(found.dev(), found.ino()))
+    }
+
+    #[cfg(not(unix))]
+    pub(super) fn of(path: &Path) -> Option<Self> {
+        path.canonicalize().ok().map(Self::Path)
+    }
+}
+
+/// What is known of an exported file, to notice a change.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Exported {
+    bytes: u64,
+    /// Time of the last change, nanoseconds since 1970.
+    modified_ns: u128,
+}
+
+impl Exported {
+    fn of(found: &Metadata) -> Self {
+        let modified = found.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+        Self { bytes: found.len(), modified_ns: modified.map_or(0, |time| time.as_nanos()) }
+    }
+}
+
+/// A file as it is: another file in its place, or a change, makes another stamp.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Stamp {
+    id: FileId,
+    exported: Exported,
+}
+
+impl Stamp {
+    pub(super) fn of(path: &Path) -> Option<Self> {
+        Some(Self { id: FileId::of(path)?, exported: Exported::of(&fs::symlink_metadata(path).ok()?) })
+    }
+}
+
+/// What is known of a file in a folder of exports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Known {
+    /// It is as OSTRA exported it.
+    Unchanged,
+    /// OSTRA exported it, and it was changed since.
+    Changed,
+    /// An export that was killed may have written it; so may anybody since.
+    Interrupted,
+}
+
+/// The exported files of a folder, by their path below it with `/`.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub struct ExportRecord {
+    pub(super) files: BTreeMap<String, Exported>,
+    /// Files that an export writes now or was writing when it was killed, with the time it began; [`WHOLE_FOLDER`] stands
+    /// for all files of the folder.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) pending: BTreeMap<String, u128>,
+}
+
+/// A larger record is not read; one of a million files takes a sixth of it.
+const MAX_BYTES: u64 = 1 << 30;
+
+impl ExportRecord {
+    /// Reads the record of a folder; without one, or with one that cannot be read, nothing counts as exported.
+    #[must_use]
+    pub fn read(folder: &Path, name: &str) -> Self {
+        let text = disk::read_text_up_to(&folder.join(name), MAX_BYTES).unwrap_or_default();
+        serde_json::from_str(&text).unwrap_or_default()
+    }
+
+    /// Writes the record into the folder.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write(&self, folder: &Path, name: &str) -> Result<()> {
+        let path = folder.join(name);
+        disk::write(&path, &serde_json::to_vec_pretty(self)?)
+            .with_context(|| format!("{}: cannot be written; check permissions and free space", path.display()))
+    }
+
+    /// Adds a file of the folder as it is now.
+    pub fn add(&mut self, folder: &Path, file: &Path) {
+        if let (Some(name), Ok(found)) = (name_below(folder, file), fs::metadata(file)) {
+            self.files.insert(name, Exported::of(&found));
+        }
+    }
+
+    /// What is known of this file of the folder; `None` for a file that OSTRA did not write.
+    #[must_use]
+    pub fn known(&self, folder: &Path, file: &Path) -> Option<Known> {
+        let name = name_below(folder, file)?;
+        let found = fs::symlink_metadata(file).ok().filter(Metadata::is_file).map(|found| Exported::of(&found));
+        if found.is_some() && self.files.get(&name) == found.as_ref() {
+            return Some(Known::Unchanged);
+        }
+        let began = self.pending.get(&name).or_else(|| self.pending.get(WHOLE_FOLDER));
+        if let (Some(began), Some(found)) = (began, &found)
+            && found.modified_ns >= *began
+        {
+            return Some(Known::Interrupted);
+        }
+        self.files.contains_key(&name).then_some(Known::Changed)
+    }
+}
+
+pub(super) fn name_below(folder: &Path, file: &Path) -> Option<String> {
+    // A name without a folder lies in the current one.
+    let below = match file.strip_prefix(folder) {
+        Ok(below) => below,
+        Err(_) if folder == Path::new(".") => file,
+        Err(_) => return None,
+    };
+    Some(below.components().map(|part| part.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/"))
+}
+
+/// All files and links in a folder and those inside it, system files and temporary ones left out, in order.
+///
+/// # Errors
+/// When a folder cannot be read.
+pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    let mut waiting = vec![folder.to_owned()];
+    while let Some(folder) = waiting.pop() {
+        let cannot = || format!("{}: cannot be read; check permissions", folder.display());
+        for entry in fs::read_dir(&folder).with_context(cannot)? {
+            let entry = entry.with_context(cannot)?;
+            let name = entry.file_name();
+            let is_system = SYSTEM_FILES.iter().any(|system| name == *system) || disk::is_temporary(&name);
+            if entry.file_type().with_context(cannot)?.is_dir() {
+                waiting.push(entry.path());
+            } else if !is_system {
+                found.push(entry.path());
+            }
+        }
+    }
+    found.sort();
+    Ok(found)
+}

@@ -1,0 +1,473 @@
+//! Where exports may write: never over a source, never into a project, never over files that OSTRA did not write.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, Result, bail};
+
+use crate::Project;
+use crate::export_claim::{Claim, WHOLE_FOLDER, is_being_written, lock_folder};
+use crate::export_record::{ExportRecord, FileId, Known, RECORD, Stamp, files_below, name_below};
+use ostra_core::disk;
+
+/// The clock of a file system may lag behind the system's; before an export nothing of its names was there.
+const CLOCK_LAG: Duration = Duration::from_secs(1);
+
+/// How the user replaces exports that may hold work of others.
+const HOW: &str = "by --overwrite ('Replace changed exports' in the window)";
+
+/// The places that an export must not touch, and whether it may replace an earlier one.
+#[derive(Debug, Clone, Default)]
+pub struct ExportTargets {
+    /// Identity of each source → its path.
+    sources: BTreeMap<FileId, PathBuf>,
+    /// The project's folder, links resolved.
+    root: Option<PathBuf>,
+    /// Files of an earlier export that were changed since may be replaced.
+    overwrite: bool,
+}
+
+impl ExportTargets {
+    /// What an export of this project must not touch; `root` is the project's folder.
+    #[must_use]
+    pub fn of(project: &Project, root: Option<&Path>, overwrite: bool) -> Self {
+        let mut paths: Vec<&Path> = Vec::new();
+        let mut sources = BTreeMap::new();
+        for frame in &*project.frames {
+            let depth = frame.depth.as_ref().and_then(|depth| depth.sensor_path());
+            paths.extend([Some(frame.picture.path()), depth].into_iter().flatten());
+        }
+        let requests = project.results.values().filter_map(|record| record.request.as_ref());
+        paths.extend(requests.filter_map(|request| request.onto.as_deref()));
+        for path in paths {
+            if let Some(id) = FileId::of(path) {
+                sources.entry(id).or_insert_with(|| path.to_owned());
+            }
+        }
+        let root = root.map(|root| root.canonicalize().unwrap_or_else(|_| root.to_owned()));
+        Self { sources, root, overwrite }
+    }
+
+    /// Refuses files that an export must not replace. A missing file and an empty one may always be written.
+    ///
+    /// # Errors
+    /// One line that names the file, why it is kept, and what to do.
+    pub fn check_files<'a>(&self, files: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+        let mut taken: BTreeMap<String, &Path> = BTreeMap::new();
+        let mut records: BTreeMap<PathBuf, ExportRecord> = BTreeMap::new();
+        for file in files {
+            // Names that differ in case alone are one file on many systems.
+            if let Some(other) = taken.insert(file.to_string_lossy().to_lowercase(), file) {
+                bail!(
+                    "{} and {} would be the same file; choose another name for one of them",
+                    other.display(),
+                    file.display()
+                );
+            }
+            let folder = folder_of(file);
+            let record = records.entry(folder.to_owned()).or_insert_with(|| ExportRecord::read(folder, RECORD));
+            self.check_file(file, folder, record)?;
+        }
+        Ok(())
+    }
+
+    fn check_file(&self, file: &Path, folder: &Path, record: &ExportRecord) -> Result<()> {
+        self.check_outside(file)?;
+        let Ok(found) = fs::symlink_metadata(file) else { return Ok(()) };
+        self.check_source(file)?;
+        if !found.is_file() {
+            let what = if found.is_dir() { "a folder" } else { "a link or a device, not a regular file" };
+            bail!("{}: is {what}; choose another name", file.display());
+        }
+        match record.known(folder, file) {
+            Some(Known::Unchanged) => Ok(()),
+            Some(_) if self.overwrite => Ok(()),
+            Some(Known::Changed) => {
+                bail!("{}: was changed since it was exported; choose another name, or replace it {HOW}", file.display())
+            }
+            Some(Known::Interrupted)
+                if name_below(folder, file).is_some_and(|name| is_being_written(folder, &name)) =>
+            {
+                bail!("{}: another export writes here now; start this one when that has ended", file.display())
+            }
+            Some(Known::Interrupted) => bail!(
+                "{}: an interrupted export may have left it; choose another name, or replace it {HOW}",
+                file.display()
+            ),
+            None if found.len() == 0 => Ok(()),
+            None => bail!(
+                "{}: exists and is not a known export of OSTRA; choose another name, or move the file away",
+                file.display()
+            ),
+        }
+    }
+
+    /// Refuses a folder that holds files of others, and the project's own.
+    ///
+    /// # Errors
+    /// One line that names the folder, the first file that is kept, and what to do.
+    pub fn check_folder(&self, folder: &Path) -> Result<()> {
+        self.check_outside(folder)?;
+        match fs::metadata(folder) {
+            Err(_) => return Ok(()),
+            Ok(found) if !found.is_dir() => bail!("{}: is not a folder; choose another name", folder.display()),
+            Ok(_) => {}
+        }
+        if is_being_written(folder, WHOLE_FOLDER) {
+            bail!("{}: another export writes here now; start this one when that has ended", folder.display());
+        }
+        let record = ExportRecord::read(folder, RECORD);
+        let (mut others, mut changed) = (Vec::new(), Vec::new());
+        for file in files_below(folder)? {
+            self.check_source(&file)?;
+            match record.known(folder, &file) {
+                Some(Known::Unchanged) => {}
+                Some(known) => changed.push((file, known)),
+                None => others.push(file),
+            }
+        }
+        if let Some(first) = others.first() {
+            bail!(
+                "{}: holds {} that OSTRA did not export ({}); choose a new or empty folder",
+                folder.display(),
+                count(others.len()),
+                first.display()
+            );
+        }
+        if let Some((first, known)) = changed.first().filter(|_| !self.overwrite) {
+            let what = match known {
+                Known::Interrupted => "left by an interrupted export, or put there since",
+                _ => "changed since the export",
+            };
+            bail!(
+                "{}: {} {what} ({}); choose another folder, or replace them {HOW}",
+                folder.display(),
+                count(changed.len()),
+                first.display()
+            );
+        }
+        Ok(())
+    }
+
+    fn check_source(&self, file: &Path) -> Result<()> {
+        match FileId::of(file).and_then(|id| self.sources.get(&id)) {
+            Some(source) => bail!(
+                "{}: is a source of the project ({}), which is never changed; choose another place",
+                file.display(),
+                source.display()
+            ),
+            None => Ok(()),
+        }
+    }
+
+    fn check_outside(&self, target: &Path) -> Result<()> {
+        let place = resolved(target);
+        let project = self.root.clone().filter(|root| place.starts_with(root)).or_else(|| {
+            // Another project is as little a place for exports as the open one.
+            place.ancestors().skip(1).find(|above| above.join("project.toml").is_file()).map(Path::to_owned)
+        });
+        match project {
+            Some(root) => bail!(
+                "{}: lies inside the project folder {}; choose a place outside it",
+                target.display(),
+                root.display()
+            ),
+            None => Ok(()),
+        }
+    }
+
+    /// Exports files by `write`, which may leave some of them out. Its targets must have been checked. Those that it wrote
+    /// are known as exports afterwards, also where it failed.
+    ///
+    /// # Errors
+    /// What `write` says; when a folder cannot be made or what was exported cannot be noted.
+    pub fn write_files<T>(files: &[PathBuf], write: impl FnOnce() -> Result<T>) -> Result<T> {
+        let (written, ended) = write_noted(files, &[], write);
+        let written = written?;
+        ended.map(|_| written)
+    }
+
+    /// As [`Self::write_files`], with folders besides. Where it succeeds, what an earlier export left in these folders and
+    /// this one did not replace is removed; how many files of which folder is returned as warnings.
+    ///
+    /// # Errors
+    /// As [`Self::write_files`].
+    pub fn write_all<T>(
+        files: &[PathBuf],
+        folders: &[PathBuf],
+        write: impl FnOnce() -> Result<T>,
+    ) -> Result<(T, Vec<String>)> {
+        let (written, ended) = write_noted(files, folders, write);
+        let written = written?;
+        let warnings = ended.unwrap_or_else(|error| {
+            vec![format!("{error:#}; the exports are complete, but to replace them --overwrite will be needed")]
+        });
+        Ok((written, warnings))
+    }
+}
+
+/// What `write` says, and the warnings of [`end`].
+fn write_noted<T>(
+    files: &[PathBuf],
+    folders: &[PathBuf],
+    write: impl FnOnce() -> Result<T>,
+) -> (Result<T>, Result<Vec<String>>) {
+    let before = stamps(files.iter().cloned());
+    let begun = match begin(files, folders) {
+        Ok(begun) => begun,
+        Err(error) => return (Err(error), Ok(Vec::new())),
+    };
+    let written = write();
+    let ended = end(files, &before, begun, written.is_ok());
+    (written, ended)
+}
+
+fn stamps(files: impl IntoIterator<Item = PathBuf>) -> BTreeMap<PathBuf, Stamp> {
+    files.into_iter().filter_map(|file| Stamp::of(&file).map(|stamp| (file, stamp))).collect()
+}
+
+/// A folder that is exported into.
+struct Begun {
+    folder: PathBuf,
+    claim: Claim,
+    /// What was in it, where all of its files are exports.
+    whole: Option<BTreeMap<PathBuf, Stamp>>,
+}
+
+/// Notes what is about to be written, so that it is known what an export that is killed may have left, and claims it, so
+/// that no other export writes it meanwhile.
+fn begin(files: &[PathBuf], folders: &[PathBuf]) -> Result<Vec<Begun>> {
+    let mut names: BTreeMap<&Path, Vec<String>> = BTreeMap::new();
+    for file in files {
+        let folder = folder_of(file);
+        names.entry(folder).or_default().extend(name_below(folder, file));
+    }
+    for folder in folders {
+        names.entry(folder).or_default().push(WHOLE_FOLDER.to_owned());
+    }
+    let begin_folder = |(folder, names): (&Path, Vec<String>)| -> Result<Begun> {
+        let is_whole = names.iter().any(|name| name == WHOLE_FOLDER);
+        fs::create_dir_all(folder)
+            .with_context(|| format!("{}: cannot be made; check permissions", folder.display()))?;
+        let _locked = lock_folder(folder)?;
+        disk::remove_leftovers(folder, is_whole);
+        let claim = Claim::take(folder, &names)?;
+        let mut record = ExportRecord::read(folder, RECORD);
+        record.pending.extend(names.into_iter().map(|name| (name, now_ns())));
+        record.write(folder, RECORD)?;
+        let whole = is_whole.then(|| files_below(folder).map(stamps)).transpose()?;
+        Ok(Begun { folder: folder.to_owned(), claim, whole })
+    };
+    names.into_iter().map(begin_folder).collect()
+}
+
+/// Notes what was written: what is not as it was before.
+fn end(
+    files: &[PathBuf],
+    before: &BTreeMap<PathBuf, Stamp>,
+    begun: Vec<Begun>,
+    is_complete: bool,
+) -> Result<Vec<String>> {
+    let mut warnings = Vec::new();
+    for Begun { folder, claim, whole } in begun {
+        let _locked = lock_folder(&folder)?;
+        // Gives the room back that the record needs.
+        drop(claim);
+        disk::remove_leftovers(&folder, whole.is_some());
+        let mut record = ExportRecord::read(&folder, RECORD);
+        for file in files.iter().filter(|file| folder_of(file) == folder) {
+            name_below(&folder, file).map(|name| record.pending.remove(&name));
+            if is_written(before, file) {
+                record.add(&folder, file);
+            }
+        }
+        if let Some(before) = whole {
+            record.pending.remove(WHOLE_FOLDER);
+            warnings.extend(end_folder(&folder, &mut record, &before, is_complete)?);
+        }
+        record.write(&folder, RECORD)?;
+    }
+    Ok(warnings)
+}
+
+/// Notes what was written into a folder that holds exports only, and removes what an earlier one left where this one is
+/// complete; says what.
+fn end_folder(
+    folder: &Path,
+    record: &mut ExportRecord,
+    before: &BTreeMap<PathBuf, Stamp>,
+    is_complete: bool,
+) -> Result<Option<String>> {
+    let (written, former): (Vec<_>, Vec<_>) =
+        files_below(folder)?.into_iter().partition(|file| is_written(before, file));
+    let mut warning = None;
+    if is_complete {
+        let removed: Vec<&PathBuf> = former.iter().filter(|file| fs::remove_file(file).is_ok()).collect();
+        record.files.clear();
+        warning = removed.first().map(|first| {
+            let (count, first) = (count(removed.len()), first.display());
+            format!("{}: {count} of an earlier export removed ({first})", folder.display())
+        });
+    }
+    written.iter().for_each(|file| record.add(folder, file));
+    Ok(warning)
+}
+
+fn is_written(before: &BTreeMap<PathBuf, Stamp>, file: &Path) -> bool {
+    Stamp::of(file).is_some_and(|stamp| before.get(file) != Some(&stamp))
+}
+
+/// Now, less the lag of a file system's clock, in nanoseconds since 1970.
+fn now_ns() -> u128 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    now.saturating_sub(CLOCK_LAG).as_nanos()
+}
+
+fn count(files: usize) -> String {
+    if files == 1 { "1 file".into() } else { format!("{files} files") }
+}
+
+fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// The absolute place of a path that may not exist yet: links of what exists are resolved, `..` too.
+fn resolved(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut place = PathBuf::new();
+    for part in absolute.components() {
+        match part {
+            Component::ParentDir => {
+                place.pop();
+            }
+            part => place.push(part),
+        }
+        if let Ok(real) = place.canonicalize() {
+            place = real;
+        }
+    }
+    place
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changed_and_foreign_files_are_kept_and_unchanged_exports_are_replaced() {
+        let dir = tempfile::tempdir().unwrap();
+        let (mine, notes) = (dir.path().join("a.csv"), dir.path().join("notes.txt"));
+        let check =
+            |overwrite: bool, file: &Path| ExportTargets { overwrite, ..ExportTargets::default() }.check_files([file]);
+        check(false, &mine).unwrap();
+        ExportTargets::write_files(std::slice::from_ref(&mine), || Ok(fs::write(&mine, "exported")?)).unwrap();
+        check(false, &mine).unwrap();
+        fs::write(&mine, "exported, and a column of remarks").unwrap();
+        assert!(check(false, &mine).unwrap_err().to_string().contains("--overwrite"));
+        check(true, &mine).unwrap();
+        fs::write(&notes, "mine").unwrap();
+        for overwrite in [false, true] {
+            let error = check(overwrite, &notes).unwrap_err().to_string();
+            assert!(error.contains("not a known export"), "{error}");
+        }
+        assert!(check(true, dir.path()).is_err());
+    }
+
+    #[test]
+    fn folders_with_files_of_others_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path().join("masks");
+        let targets = ExportTargets::default();
+        targets.check_folder(&folder).unwrap();
+        fs::create_dir_all(folder.join("below")).unwrap();
+        targets.check_folder(&folder).unwrap();
+        let write = || Ok(fs::write(folder.join("below/0.png"), "mask")?);
+        ExportTargets::write_all(&[], std::slice::from_ref(&folder), write).unwrap();
+        targets.check_folder(&folder).unwrap();
+        fs::write(folder.join("mine.txt"), "mine").unwrap();
+        let overwrite = ExportTargets { overwrite: true, ..ExportTargets::default() };
+        assert!(overwrite.check_folder(&folder).unwrap_err().to_string().contains("1 file that OSTRA did not export"));
+    }
+
+    #[test]
+    fn what_an_interrupted_export_left_is_replaced_when_asked() {
+        let dir = tempfile::tempdir().unwrap();
+        let (file, folder) = (dir.path().join("c.ply"), dir.path().join("masks"));
+        let names = ([file.clone()], [folder.clone()]);
+        begin(&names.0, &names.1).unwrap();
+        fs::write(&file, "cloud").unwrap();
+        fs::write(folder.join("0.png"), "mask").unwrap();
+        for overwrite in [false, true] {
+            let targets = ExportTargets { overwrite, ..ExportTargets::default() };
+            assert_eq!(targets.check_files([file.as_path()]).is_ok(), overwrite);
+            assert_eq!(targets.check_folder(&folder).is_ok(), overwrite);
+        }
+    }
+
+    #[test]
+    fn what_a_failed_export_wrote_is_known_and_the_rest_is_not() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = |name: &str| dir.path().join(name);
+        let files = [path("c.ply"), path("c_stem.ply")];
+        let folders = [path("masks")];
+        let failed = ExportTargets::write_all(&files, &folders, || -> Result<()> {
+            fs::write(&files[0], "cloud")?;
+            fs::write(folders[0].join("0.png"), "mask")?;
+            bail!("no space")
+        });
+        assert_eq!(failed.unwrap_err().to_string(), "no space");
+        let targets = ExportTargets::default();
+        targets.check_files(files.iter().map(PathBuf::as_path)).unwrap();
+        targets.check_folder(&folders[0]).unwrap();
+        fs::write(&files[1], "the user's").unwrap();
+        fs::write(folders[0].join("notes.txt"), "the user's").unwrap();
+        let overwrite = ExportTargets { overwrite: true, ..targets };
+        assert!(overwrite.check_files([files[1].as_path()]).is_err());
+        assert!(overwrite.check_folder(&folders[0]).is_err());
+    }
+
+    #[test]
+    fn what_an_earlier_export_left_in_a_folder_is_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        let folders = [dir.path().join("model")];
+        let write = |names: &[&str]| {
+            let write = || Ok(names.iter().try_for_each(|name| disk::write(&folders[0].join(name), b"model"))?);
+            ExportTargets::write_all(&[], &folders, write).unwrap().1
+        };
+        assert!(write(&["cameras.bin", "images.bin", "project.ini"]).is_empty());
+        let warnings = write(&["cameras.txt", "images.txt", "project.ini"]);
+        assert!(warnings.len() == 1 && warnings[0].contains("2 files"), "{warnings:?}");
+        let names: Vec<_> =
+            files_below(&folders[0]).unwrap().iter().map(|file| file.file_name().unwrap().to_owned()).collect();
+        assert_eq!(names, ["cameras.txt", "images.txt", "project.ini"]);
+        ExportTargets::default().check_folder(&folders[0]).unwrap();
+    }
+
+    #[test]
+    fn two_outputs_of_one_name_are_refused() {
+        let (a, b) = (Path::new("/out/Leaf.ply"), Path::new("/out/leaf.ply"));
+        assert!(ExportTargets::default().check_files([a, b]).unwrap_err().to_string().contains("same file"));
+    }
+
+    #[test]
+    fn places_inside_a_project_are_refused_by_any_path() {
+        let dir = tempfile::tempdir().unwrap();
+        let root = dir.path().join("project");
+        fs::create_dir(&root).unwrap();
+        fs::write(root.join("project.toml"), "").unwrap();
+        let targets = ExportTargets { root: Some(root.canonicalize().unwrap()), ..ExportTargets::default() };
+        for inside in ["project/c.ply", "project/new/c.ply", "other/../project/c.ply"] {
+            let error = targets.check_files([dir.path().join(inside).as_path()]).unwrap_err().to_string();
+            assert!(error.contains("inside the project folder"), "{error}");
+        }
+        targets.check_files([dir.path().join("c.ply").as_path()]).unwrap();
+        assert!(ExportTargets::default().check_folder(&root.join("masks")).is_err(), "another project's folder");
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(&root, dir.path().join("link")).unwrap();
+            assert!(targets.check_files([dir.path().join("link/c.ply").as_path()]).is_err());
+        }
+    }
+}

@@ -1,0 +1,122 @@
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Edit, FrameMask, Project};
+use ostra_frames::FrameSet;
+use ostra_masks::{LabelId, RunMask, hold};
+
+/// What the user said of a label over ranges of frames.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Marks {
+    /// It is not there: no tracker may put it on these frames.
+    #[serde(default, skip_serializing_if = "FrameSet::is_empty")]
+    pub absent: FrameSet,
+    /// Its pixels stay exactly as they are, whoever tracks, clicks or paints.
+    #[serde(default, skip_serializing_if = "FrameSet::is_empty")]
+    pub locked: FrameSet,
+    /// Its pixels are kept but out of play: not drawn, not voted, not exported.
+    #[serde(default, skip_serializing_if = "FrameSet::is_empty")]
+    pub hidden: FrameSet,
+}
+
+impl Marks {
+    /// Whether nothing was said.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.absent.is_empty() && self.locked.is_empty() && self.hidden.is_empty()
+    }
+
+    /// The highest frame that something is said of.
+    #[must_use]
+    pub fn last(&self) -> Option<usize> {
+        [&self.absent, &self.locked, &self.hidden].into_iter().filter_map(FrameSet::last).max()
+    }
+}
+
+impl Project {
+    /// What the user said of a label.
+    #[must_use]
+    pub fn marks_of(&self, label: LabelId) -> Marks {
+        self.marks.get(&label).cloned().unwrap_or_default()
+    }
+
+    /// Labels whose pixels on a frame must stay as they are.
+    #[must_use]
+    pub fn locked_on(&self, frame: usize) -> BTreeSet<LabelId> {
+        self.marked(|marks| marks.locked.contains(frame))
+    }
+
+    /// Labels that trackers may not put on a frame.
+    #[must_use]
+    pub fn absent_on(&self, frame: usize) -> BTreeSet<LabelId> {
+        self.marked(|marks| marks.absent.contains(frame))
+    }
+
+    /// A frame's mask without the labels that are hidden there: what is drawn, voted and exported.
+    #[must_use]
+    pub fn mask_in_play(&self, frame: usize) -> Option<Arc<RunMask>> {
+        Some(self.in_play(frame, &self.masks.get(&frame)?.runs))
+    }
+
+    /// `runs` without the labels that are hidden on a frame.
+    #[must_use]
+    pub fn in_play(&self, frame: usize, runs: &Arc<RunMask>) -> Arc<RunMask> {
+        let hidden = self.marked(|marks| marks.hidden.contains(frame));
+        let shown = |id: LabelId| if hidden.contains(&id) { LabelId::NONE } else { id };
+        if hidden.is_empty() { Arc::clone(runs) } else { Arc::new(runs.map_ids(shown)) }
+    }
+
+    /// Masks without the labels that are hidden, by frame.
+    pub fn masks_in_play(&self) -> impl Iterator<Item = (usize, Arc<RunMask>)> + '_ {
+        self.masks.keys().filter_map(|&frame| Some((frame, self.mask_in_play(frame)?)))
+    }
+
+    /// `runs` with the locked labels' pixels as they are on the frame now, and no others of theirs.
+    #[must_use]
+    pub fn with_locks(&self, frame: usize, runs: Arc<RunMask>) -> Arc<RunMask> {
+        let locked = self.locked_on(frame);
+        if locked.is_empty() {
+            return runs;
+        }
+        let empty = || Arc::new(RunMask::empty(runs.width, runs.height));
+        let before = self.masks.get(&frame).map_or_else(empty, |mask| Arc::clone(&mask.runs));
+        hold(&before, &runs, &locked).map_or(before, Arc::new)
+    }
+
+    /// What of a tracker's answer a frame may take: nothing of labels that are not there, and locked labels as they
+    /// are.
+    #[must_use]
+    pub fn within_marks(&self, frame: usize, answer: FrameMask) -> FrameMask {
+        let (absent, locked) = (self.absent_on(frame), self.locked_on(frame));
+        if absent.is_empty() && locked.is_empty() {
+            return answer;
+        }
+        let there = |id: LabelId| if absent.contains(&id) { LabelId::NONE } else { id };
+        let runs = self.with_locks(frame, Arc::new(answer.runs.map_ids(there)));
+        let mut confidence = answer.confidence;
+        confidence.retain(|id, _| !absent.contains(id) && !locked.contains(id));
+        let before = self.masks.get(&frame).into_iter().flat_map(|mask| &mask.confidence);
+        confidence.extend(before.filter(|(id, _)| locked.contains(id)).map(|(&id, &sure)| (id, sure)));
+        FrameMask { runs, confidence, ..answer }
+    }
+
+    /// The edits that let labels be again where `edits` give frames masks that show them.
+    #[must_use]
+    pub fn there_again(&self, edits: &[Edit]) -> Vec<Edit> {
+        let mut changed: BTreeMap<LabelId, Marks> = BTreeMap::new();
+        for edit in edits {
+            let Edit::SetMask { frame, mask: Some(mask) } = edit else { continue };
+            let shown = |label: &LabelId| mask.runs.runs.iter().any(|(id, _)| id == label);
+            for label in self.absent_on(*frame).into_iter().filter(shown) {
+                changed.entry(label).or_insert_with(|| self.marks_of(label)).absent.remove(*frame, *frame);
+            }
+        }
+        changed.into_iter().map(|(label, marks)| Edit::SetMarks { label, marks }).collect()
+    }
+
+    fn marked(&self, is: impl Fn(&Marks) -> bool) -> BTreeSet<LabelId> {
+        self.marks.iter().filter(|(_, marks)| is(marks)).map(|(&label, _)| label).collect()
+    }
+}

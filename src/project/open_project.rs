@@ -1,0 +1,263 @@
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Result, bail};
+
+use crate::store::{self, Act, Checkpoint, Folder, HISTORY_BYTES, Loaded, Written};
+use crate::{Change, Edit, History, Project, ResultKind, Step};
+use ostra_core::job::JobId;
+use ostra_core::job::Progress;
+use ostra_frames::Frame;
+
+/// A project with its folder and history: makes steps whole or not at all, in memory and on the disk alike.
+#[derive(Debug)]
+pub struct OpenProject {
+    project: Arc<Project>,
+    history: History,
+    folder: Folder,
+    /// Which run made the last step, when it may still grow.
+    growing: Option<JobId>,
+    /// Counts the changes of the project since it was opened.
+    revision: u64,
+    /// Which version of the results stands under plain names; `None` = not known.
+    published: Option<Option<u64>>,
+    /// The frames whose depth maps stand under plain names; `None` = not known.
+    published_depths: Option<Arc<Vec<Frame>>>,
+}
+
+impl OpenProject {
+    /// A project that was found in its folder.
+    #[must_use]
+    pub fn loaded(loaded: Loaded) -> Self {
+        Self {
+            project: Arc::new(loaded.project),
+            history: loaded.history,
+            folder: loaded.folder,
+            growing: None,
+            revision: 0,
+            published: None,
+            published_depths: None,
+        }
+    }
+
+    /// Makes a folder for a new project.
+    ///
+    /// # Errors
+    /// As [`Folder::create`].
+    pub fn create(root: &Path, project: Project) -> Result<Self> {
+        let folder = Folder::create(root, &project)?;
+        Ok(Self {
+            project: Arc::new(project),
+            history: History::default(),
+            folder,
+            growing: None,
+            revision: 0,
+            published: None,
+            published_depths: None,
+        })
+    }
+
+    /// The project as it is now; a snapshot costs nothing.
+    #[must_use]
+    pub fn project(&self) -> &Arc<Project> {
+        &self.project
+    }
+
+    /// Another number for each state of the project since it was opened.
+    #[must_use]
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    /// Steps done and taken back.
+    #[must_use]
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// The run that made the last step, when that may still grow.
+    #[must_use]
+    pub fn growing_run(&self) -> Option<JobId> {
+        self.growing
+    }
+
+    /// Where it lies.
+    #[must_use]
+    pub fn root(&self) -> &Path {
+        self.folder.root()
+    }
+
+    /// Makes one step of the edits and what they make stale. Edits that change nothing are left out; says whether
+    /// any remained.
+    ///
+    /// # Errors
+    /// When an edit is refused or the step cannot be saved; the project is as before.
+    pub fn commit(&mut self, title: &str, edits: Vec<Edit>) -> Result<bool> {
+        self.make(title, edits, None)
+    }
+
+    /// As [`Self::commit`], but edits of the same `run` become one step as long as nothing else is done between them.
+    ///
+    /// # Errors
+    /// As [`Self::commit`].
+    pub fn commit_part(&mut self, title: &str, edits: Vec<Edit>, run: JobId) -> Result<bool> {
+        self.make(title, edits, Some(run))
+    }
+
+    fn make(&mut self, title: &str, edits: Vec<Edit>, run: Option<JobId>) -> Result<bool> {
+        let changes = apply_with_consequences(Arc::make_mut(&mut self.project), edits)?;
+        if changes.is_empty() {
+            return Ok(false);
+        }
+        let continues = run.is_some() && run == self.growing;
+        let back = Step { title: String::new(), changes: changes.clone() }.back();
+        let act = Act::Step { title: title.to_owned(), changes, continues };
+        self.save(act, back)?;
+        self.growing = run;
+        Ok(true)
+    }
+
+    /// Takes the last step back; gives its title.
+    ///
+    /// # Errors
+    /// When there is none or it cannot be saved; the project is as before.
+    pub fn undo(&mut self) -> Result<String> {
+        let Some(step) = self.history.last().cloned() else { bail!("there is nothing to undo") };
+        let edits = step.back();
+        self.move_by(&edits, step.forth(), Act::Undo { edits: edits.clone() })?;
+        Ok(step.title.clone())
+    }
+
+    /// Does the step taken back last again; gives its title.
+    ///
+    /// # Errors
+    /// When there is none or it cannot be saved; the project is as before.
+    pub fn redo(&mut self) -> Result<String> {
+        let Some(step) = self.history.next().cloned() else { bail!("there is nothing to redo") };
+        let edits = step.forth();
+        self.move_by(&edits, step.back(), Act::Redo { edits: edits.clone() })?;
+        Ok(step.title.clone())
+    }
+
+    fn move_by(&mut self, edits: &[Edit], back: Vec<Edit>, act: Act) -> Result<()> {
+        let mut moved = Project::clone(&self.project);
+        for edit in edits {
+            moved.apply(edit.clone())?;
+        }
+        self.project = Arc::new(moved);
+        self.growing = None;
+        self.save(act, back)
+    }
+
+    /// A number for the files of a result in the making; its folder is there.
+    ///
+    /// # Errors
+    /// When the folder cannot be made, or the project is open for viewing.
+    pub fn next_version(&self) -> Result<u64> {
+        self.folder.check_writable()?;
+        store::next_version(self.root(), &self.project, &self.history)
+    }
+
+    /// Why no step can be made; `None` where the project is open for writing.
+    #[must_use]
+    pub fn view_reason(&self) -> Option<&str> {
+        self.folder.view_reason()
+    }
+
+    /// Puts the files of the results in force under their plain names, unless the project is open for viewing.
+    ///
+    /// # Errors
+    /// When a file cannot be put in place.
+    pub fn publish(&mut self) -> Result<()> {
+        if self.view_reason().is_some() {
+            return Ok(());
+        }
+        let version = store::version_in_force(&self.project, ResultKind::Cloud);
+        if self.published != Some(version) {
+            store::publish_cloud(self.root(), version)?;
+            self.published = Some(version);
+        }
+        let frames = &self.project.frames;
+        if self.published_depths.as_ref().is_none_or(|published| !Arc::ptr_eq(published, frames)) {
+            store::publish_depths(self.root(), frames)?;
+            self.published_depths = Some(Arc::clone(&self.project.frames));
+        }
+        Ok(())
+    }
+
+    /// Puts on the disk and into the history what the project already has; `back` takes it back if that fails.
+    fn save(&mut self, act: Act, back: Vec<Edit>) -> Result<()> {
+        self.revision += 1;
+        match self.folder.append(act) {
+            Ok(record) => {
+                record.fold(&mut self.history);
+                Ok(())
+            }
+            Err(error) => {
+                let project = Arc::make_mut(&mut self.project);
+                back.into_iter().try_for_each(|edit| project.apply(edit).map(drop))?;
+                Err(error)
+            }
+        }
+    }
+
+    /// Whether a checkpoint should be written, because the journal is long.
+    #[must_use]
+    pub fn is_due(&self) -> bool {
+        self.folder.is_due()
+    }
+
+    /// Gathers what a checkpoint of this state writes.
+    ///
+    /// # Errors
+    /// When the journal cannot be read.
+    pub fn checkpoint(&mut self) -> Result<Checkpoint> {
+        self.history.keep(2 * HISTORY_BYTES);
+        self.folder.checkpoint(&self.project, &self.history)
+    }
+
+    /// Notes that a checkpoint was written.
+    ///
+    /// # Errors
+    /// When the journal cannot be shortened; nothing is lost.
+    pub fn written(&mut self, written: Written) -> Result<()> {
+        self.folder.written(written)
+    }
+
+    /// Writes a checkpoint now, if anything happened since the last.
+    ///
+    /// # Errors
+    /// When a file cannot be written; the journal holds everything.
+    pub fn save_now(&mut self) -> Result<()> {
+        if !self.folder.is_unwritten() || self.view_reason().is_some() {
+            return Ok(());
+        }
+        let written = self.checkpoint()?.write(&Progress::default())?;
+        self.written(written)
+    }
+}
+
+/// Applies edits and after each what it makes stale. Edits that change nothing are left out. All or none are applied.
+fn apply_with_consequences(project: &mut Project, edits: Vec<Edit>) -> Result<Vec<Change>> {
+    let mut changes: Vec<Change> = Vec::new();
+    for edit in edits {
+        let consequences = project.consequences(&edit);
+        for edit in std::iter::once(edit).chain(consequences) {
+            match project.apply(edit.clone()) {
+                Ok(inverse) if changes_nothing(&edit, &inverse) => {}
+                Ok(inverse) => changes.push(Change { edit, inverse }),
+                Err(error) => {
+                    for change in changes.into_iter().rev() {
+                        project.apply(change.inverse)?;
+                    }
+                    return Err(error);
+                }
+            }
+        }
+    }
+    Ok(changes)
+}
+
+fn changes_nothing(edit: &Edit, inverse: &Edit) -> bool {
+    inverse == edit || matches!(inverse, Edit::SetStale { frames, .. } if frames.is_empty())
+}

@@ -1,0 +1,171 @@
+use std::path::PathBuf;
+
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+use ostra_cloud::measure::{GroundChoice, LengthUnit};
+use ostra_frames::cameras::ModelEncoding;
+use ostra_masks::LabelId;
+
+/// Where cameras and depths come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ReconstructMethod {
+    /// What the frames allow: given poses and depths are kept.
+    #[default]
+    Auto,
+    /// Cameras by structure from motion.
+    Sfm,
+    /// Depths by PatchMatch stereo.
+    Mvs,
+    /// Registration of RGB-D fragments.
+    Rgbd,
+}
+
+/// How to make cameras and depths.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ReconstructRequest {
+    /// Method.
+    pub method: ReconstructMethod,
+    /// Every n-th frame makes the reconstruction; the cameras of those between are placed in it.
+    pub every: usize,
+    /// `auto`, `cpu` or `gpu`.
+    pub device: String,
+    /// `auto`, `sift`, `xfeat` or `superpoint`.
+    #[serde(default = "auto")]
+    pub features: String,
+    /// `auto`, `nearest`, `lighterglue` or `superglue`.
+    #[serde(default = "auto")]
+    pub matcher: String,
+    /// `auto`, `fgr` or `ransac`: how fragments of an RGB-D recording that nothing else ties together are joined.
+    #[serde(default = "auto")]
+    pub registration: String,
+    /// Longer sides are worked on at this many pixels; none = as large as the engine takes.
+    #[serde(default)]
+    pub max_side: Option<u32>,
+    /// Only pixels with a label take part.
+    #[serde(default)]
+    pub only_labelled: bool,
+    /// Pairs of frames that are matched besides those that are chosen.
+    #[serde(default)]
+    pub pairs: Vec<[usize; 2]>,
+}
+
+impl Default for ReconstructRequest {
+    fn default() -> Self {
+        Self {
+            method: ReconstructMethod::Auto,
+            every: 1,
+            device: auto(),
+            features: auto(),
+            matcher: auto(),
+            registration: auto(),
+            max_side: None,
+            only_labelled: false,
+            pairs: Vec::new(),
+        }
+    }
+}
+
+fn auto() -> String {
+    "auto".into()
+}
+
+/// A length that is known in the scene: a ruler, a marker, the distance of two points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ScaleRequest {
+    /// Its two ends.
+    pub ends: [ScaleEnd; 2],
+    /// How far they are apart, metres.
+    pub length: f64,
+}
+
+/// One end of a known length.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ScaleEnd {
+    /// A point in world units as they are.
+    World(DVec3),
+    /// Where two frames or more see it: frame number and pixel.
+    Seen(Vec<(usize, DVec2)>),
+}
+
+/// How to make the labelled cloud.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct FuseRequest {
+    /// Edge of the voxel in world units; chosen from the data when absent.
+    #[serde(default)]
+    pub voxel: Option<f64>,
+    /// Points whose label won less than this share of the votes are dropped.
+    #[serde(default)]
+    pub min_confidence: Option<f32>,
+    /// Drop points without a label.
+    #[serde(default)]
+    pub drop_unlabelled: bool,
+    /// Vote on the points of this cloud instead of making points.
+    #[serde(default)]
+    pub onto: Option<PathBuf>,
+}
+
+/// What to write where.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ExportRequest {
+    /// Labelled cloud: `.ply`, `.las`, `.laz` or `.pcd`.
+    #[serde(default)]
+    pub cloud: Option<PathBuf>,
+    /// Mesh: `.ply`, `.obj` or `.glb`.
+    #[serde(default)]
+    pub mesh: Option<PathBuf>,
+    /// Voxels: `.ply`, `.npz` or `.vox`.
+    #[serde(default)]
+    pub voxels: Option<PathBuf>,
+    /// COLMAP text model.
+    #[serde(default)]
+    pub cameras: Option<PathBuf>,
+    /// Text or binary.
+    #[serde(default)]
+    pub camera_encoding: ModelEncoding,
+    /// Pictures and masks without lens distortion, with their cameras.
+    #[serde(default)]
+    pub undistorted: Option<PathBuf>,
+    /// Voxels are filled with what they enclose.
+    #[serde(default)]
+    pub solid: bool,
+    /// Folder for the masks.
+    #[serde(default)]
+    pub masks: Option<PathBuf>,
+    /// `davis` (palette PNGs and `labels.json`, when absent), `binary`, `coco` or `yolo`.
+    #[serde(default)]
+    pub mask_format: Option<String>,
+    /// 32-bit float TIFFs.
+    #[serde(default)]
+    pub depths: Option<PathBuf>,
+    /// Measured traits.
+    #[serde(default)]
+    pub traits: Option<PathBuf>,
+    /// The plane above which their heights are measured.
+    #[serde(default)]
+    pub ground: GroundChoice,
+    /// Pairs of labels whose angle is told too, a row for each piece of the first.
+    #[serde(default)]
+    pub angles: Vec<[LabelId; 2]>,
+    /// The unit of their lengths; that of the cloud when absent. A metric unit needs a scene whose scale is known.
+    #[serde(default)]
+    pub unit: Option<LengthUnit>,
+    /// Read labels deeper than this as their ancestor there.
+    #[serde(default)]
+    pub level: Option<usize>,
+    /// Write the same points in label colours beside the file.
+    #[serde(default)]
+    pub twin: bool,
+    /// Write one file per label too.
+    #[serde(default)]
+    pub per_label: bool,
+    /// Share of the mesh's triangles to keep, above 0, up to 1; all when absent.
+    #[serde(default)]
+    pub simplify: Option<f64>,
+    /// Replace files of an earlier export that were changed since. Sources and files that OSTRA did not write are never
+    /// replaced.
+    #[serde(default)]
+    pub overwrite: bool,
+}

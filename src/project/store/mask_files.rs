@@ -1,0 +1,277 @@
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Result;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::damage::Damage;
+use super::durable;
+use crate::{FrameMask, MaskOrigin, Project};
+use ostra_core::disk;
+use ostra_core::job::Progress;
+use ostra_frames::Frame;
+use ostra_masks::{LabelId, RunMask};
+use ostra_masks::{MaskFrame, encode_palette_png, file_stems, read_palette_png_of};
+
+/// A larger list of origins is damaged: one of a million masks takes half of it.
+const MAX_ORIGINS_BYTES: u64 = 256 << 20;
+
+/// Where masks come from, below the project's folder.
+const ORIGINS: &str = "masks/origins.json";
+
+/// What `masks/origins.json` says of one frame's mask, by the frame's name.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Origin {
+    origin: MaskOrigin,
+    #[serde(default)]
+    stale: bool,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    confidence: BTreeMap<LabelId, f32>,
+}
+
+/// Where each frame's mask lies below the project's folder: `masks/`, the frame's name without its ending, `.png`.
+///
+/// # Errors
+/// When a frame's name leads out of the folder.
+pub fn paths(frames: &[Frame]) -> Result<Vec<PathBuf>> {
+    let frames: Vec<MaskFrame<'_>> = frames.iter().map(MaskFrame::from).collect();
+    let stems = file_stems(&frames)?;
+    Ok(stems.into_iter().map(|stem| Path::new("masks").join(stem + ".png")).collect())
+}
+
+/// Writes the masks that differ from those written before, each by temporary name and rename.
+///
+/// # Errors
+/// When one cannot be written, or on a stop.
+pub fn write(root: &Path, project: &Project, before: &Runs, progress: &Progress) -> Result<()> {
+    let unwritten = |(path, runs): &(PathBuf, Arc<RunMask>)| {
+        before.get(path).is_none_or(|before| !Arc::ptr_eq(runs, before) && runs != before)
+    };
+    let changed: Vec<_> = runs(project)?.into_iter().filter(unwritten).collect();
+    changed.par_iter().try_for_each(|(path, runs)| {
+        progress.check()?;
+        let bytes = encode_palette_png(runs, &project.labels)?;
+        durable::replace(&root.join(path), &bytes)
+    })
+}
+
+/// Masks by their path below the project's folder.
+pub type Runs = BTreeMap<PathBuf, Arc<RunMask>>;
+
+/// The masks of a project.
+///
+/// # Errors
+/// As [`paths`].
+pub fn runs(project: &Project) -> Result<Runs> {
+    let paths = paths(&project.frames)?;
+    Ok(project.masks.iter().map(|(&frame, mask)| (paths[frame].clone(), Arc::clone(&mask.runs))).collect())
+}
+
+/// What is known of the mask files when those of the frames `unread` were not read: these are taken for a mask
+/// without pixels, which differs from every mask that may be written there.
+///
+/// # Errors
+/// As [`paths`].
+pub fn known(project: &Project, unread: &BTreeSet<usize>) -> Result<Runs> {
+    let nothing = Arc::new(RunMask::empty(0, 0));
+    let paths = paths(&project.frames)?;
+    let unread = unread.iter().filter_map(|&frame| Some((paths.get(frame)?.clone(), Arc::clone(&nothing))));
+    Ok(runs(project)?.into_iter().chain(unread).collect())
+}
+
+/// Writes `masks/origins.json`: where each mask comes from, whether it is stale, how sure the tracker was.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn write_origins(root: &Path, project: &Project) -> Result<()> {
+    let path = root.join(ORIGINS);
+    if project.masks.is_empty() && !path.exists() {
+        return Ok(());
+    }
+    let origins: BTreeMap<&str, Origin> = project
+        .masks
+        .iter()
+        .map(|(&frame, mask)| {
+            let origin = Origin { origin: mask.origin, stale: mask.stale, confidence: mask.confidence.clone() };
+            (project.frames[frame].name.as_str(), origin)
+        })
+        .collect();
+    durable::replace(&path, &serde_json::to_vec_pretty(&origins)?)
+}
+
+/// Takes away the files of masks that were written before and are no more.
+pub fn remove_gone(root: &Path, now: &Runs, before: &Runs) {
+    for path in before.keys().filter(|path| !now.contains_key(*path)) {
+        let _ = std::fs::remove_file(root.join(path));
+    }
+}
+
+/// What [`read`] found.
+#[derive(Debug, Default)]
+pub struct ReadMasks {
+    pub masks: BTreeMap<usize, FrameMask>,
+    pub warnings: Vec<String>,
+    pub damages: Vec<Damage>,
+}
+
+/// Reads the masks of the frames for which `wanted` holds. Each of them fits the project. A mask that is gone or damaged
+/// is left out. Where `origins.json` cannot be read, or not what it says of a frame, the masks that are there count as
+/// anchors, which no tracker overwrites.
+///
+/// # Errors
+/// When a frame's name leads out of the folder, or on a stop.
+pub fn read(
+    root: &Path,
+    project: &Project,
+    wanted: impl Fn(usize) -> bool + Sync,
+    progress: &Progress,
+) -> Result<ReadMasks> {
+    let mut found = ReadMasks::default();
+    let paths = paths(&project.frames)?;
+    let origins = Origins::read(&root.join(ORIGINS));
+    let listed: Vec<_> = project.frames.iter().enumerate().filter(|(number, _)| wanted(*number)).collect();
+    let read = listed.par_iter().filter_map(|&(number, frame)| {
+        let path = root.join(&paths[number]);
+        let origin = match origins.of(&frame.name) {
+            Known::As(origin) => origin,
+            Known::Nothing => return None,
+            Known::Damaged if path.exists() => Origin::anchor(),
+            Known::Damaged => return None,
+        };
+        let mask = progress.check().map_err(anyhow::Error::from).map(|()| read_one(&path, (project, number), origin));
+        Some(mask.map(|mask| (number, mask)))
+    });
+    let mut masks_there = 0;
+    for (number, mask) in read.collect::<Result<Vec<_>>>()? {
+        let name = &project.frames[number].name;
+        match mask {
+            ReadMask::Whole(mask) => {
+                masks_there += 1;
+                found.masks.insert(number, mask);
+            }
+            ReadMask::Gone => {
+                found.warnings.push(format!("{}: is gone; frame {number} has no mask now", paths[number].display()));
+            }
+            ReadMask::Damaged(why) => found.damages.push(Damage {
+                path: root.join(&paths[number]),
+                what: format!("{why}; frame {number} ({name}) has no mask now"),
+                is_in_use: false,
+            }),
+        }
+    }
+    origins.report(root, masks_there, &mut found);
+    Ok(found)
+}
+
+/// What `origins.json` says.
+enum Origins {
+    /// By frame name; `None` where that entry is damaged.
+    Read(BTreeMap<String, Option<Origin>>),
+    Missing,
+    /// Why it cannot be used.
+    Damaged(String),
+}
+
+/// What is known of one frame's mask.
+enum Known {
+    As(Origin),
+    /// It has none.
+    Nothing,
+    /// It has one if its file is there.
+    Damaged,
+}
+
+impl Origins {
+    fn read(path: &Path) -> Self {
+        let text = match disk::read_regular_up_to(path, MAX_ORIGINS_BYTES) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Self::Missing,
+            Err(error) => return Self::Damaged(format!("cannot be read ({error})")),
+        };
+        match serde_json::from_slice::<BTreeMap<String, serde_json::Value>>(&text) {
+            Ok(entries) => {
+                let entry = |value| serde_json::from_value(value).ok().filter(Origin::is_sound);
+                Self::Read(entries.into_iter().map(|(name, value)| (name, entry(value))).collect())
+            }
+            Err(error) => Self::Damaged(format!("is damaged ({error})")),
+        }
+    }
+
+    fn of(&self, frame: &str) -> Known {
+        match self {
+            Self::Read(entries) => match entries.get(frame) {
+                Some(Some(origin)) => Known::As(origin.clone()),
+                Some(None) => Known::Damaged,
+                None => Known::Nothing,
+            },
+            Self::Missing | Self::Damaged(_) => Known::Damaged,
+        }
+    }
+
+    /// Adds what the user should know of the file itself.
+    fn report(self, root: &Path, masks: usize, found: &mut ReadMasks) {
+        let path = root.join(ORIGINS);
+        let anchors =
+            |count: usize| format!("which masks are anchors is not known; {count} masks count as anchors now");
+        let damage = |what: String| Damage { path: path.clone(), what, is_in_use: false };
+        match self {
+            Self::Missing if masks > 0 => {
+                found.warnings.push(format!("{}: is missing; {}", path.display(), anchors(masks)));
+            }
+            Self::Missing => {}
+            Self::Damaged(why) => found.damages.push(damage(format!("{why}; {}", anchors(masks)))),
+            Self::Read(entries) => {
+                let damaged = entries.values().filter(|entry| entry.is_none()).count();
+                if damaged > 0 {
+                    let what = format!("{damaged} of its entries are damaged; {}", anchors(damaged));
+                    found.damages.push(damage(what));
+                }
+            }
+        }
+    }
+}
+
+impl Origin {
+    fn anchor() -> Self {
+        Self { origin: MaskOrigin::Anchor, stale: false, confidence: BTreeMap::new() }
+    }
+
+    /// Whether a mask can have it.
+    fn is_sound(&self) -> bool {
+        let shares = self.confidence.values().all(|share| (0.0..=1.0).contains(share));
+        shares && !(self.stale && self.origin == MaskOrigin::Anchor)
+    }
+}
+
+enum ReadMask {
+    Whole(FrameMask),
+    Gone,
+    /// Why it cannot be used.
+    Damaged(String),
+}
+
+fn read_one(path: &Path, (project, frame): (&Project, usize), origin: Origin) -> ReadMask {
+    if !path.exists() {
+        return ReadMask::Gone;
+    }
+    let shown = &project.frames[frame];
+    let mask = match read_palette_png_of(path, (&shown.name, shown.width, shown.height)) {
+        Ok(mask) => mask,
+        Err(error) => return ReadMask::Damaged(format!("cannot be read ({})", without_path(&error, path))),
+    };
+    let Origin { origin, stale, confidence } = origin;
+    let mask = FrameMask { runs: Arc::new(RunMask::encode(&mask)), origin, stale, confidence };
+    match project.check_mask(shown, &mask) {
+        Ok(()) => ReadMask::Whole(mask),
+        Err(error) => ReadMask::Damaged(format!("does not fit the project ({error:#})")),
+    }
+}
+
+/// An error's text without the file's path in front.
+fn without_path(error: &dyn std::fmt::Display, path: &Path) -> String {
+    let text = error.to_string().replace('\n', " ");
+    let shown = format!("{}: ", path.display());
+    text.strip_prefix(&shown).map_or(text.clone(), str::to_owned)
+}

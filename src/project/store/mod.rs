@@ -1,0 +1,36 @@
+//! A project in its folder: `project.toml`, the journal of steps since it was written, the history of steps, masks.
+//!
+//! The truth is `project.toml` (with `masks/`), which holds the state after a numbered step, and the journal, which
+//! holds every later step. Steps are numbered through the project's whole life, so that a kill between any two writes
+//! of a checkpoint leaves files that still agree: what `project.toml` already has is passed over in the journal.
+
+mod checkpoint;
+mod contained;
+mod damage;
+mod depth_folder;
+mod durable;
+mod folder;
+mod history_file;
+mod journal;
+mod load;
+mod lock;
+mod manifest;
+mod mask_files;
+mod outcomes;
+pub(super) mod packed_runs;
+mod places;
+mod record;
+mod versions;
+
+pub use checkpoint::{Checkpoint, HISTORY_BYTES, load_sparse, read_sparse};
+pub use depth_folder::{DepthAccount, DepthFolder, depth_map_path};
+pub use durable::{replace, sync_folder};
+pub use folder::{Folder, Loaded, Written};
+pub use lock::{Lock, LockError};
+pub use outcomes::{load_links, load_outcomes, save_links, save_outcomes};
+pub use places::joined;
+pub use record::{Act, Record};
+pub use versions::{
+    cloud_path, depth_versions, feature_cache_path, keep_mesh, keep_votes, mesh_path, mesh_votes_path,
+    next as next_version, publish_cloud, publish_depths, sparse_path, version_in_force, votes_path,
+};

@@ -1,0 +1,121 @@
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::{Mat2, Mat3, Vec3};
+use rayon::prelude::*;
+
+use crate::rgbd::align::Aligned;
+use crate::rgbd::link::{Start, align_and_check};
+use crate::rgbd::pyramid::{Level, Pyramid};
+use crate::rgbd::view::View;
+use ostra_core::job::{Progress, Stopped};
+use ostra_frames::{Frame, FrameStore};
+use ostra_geometry::{Camera, Pose};
+
+/// Pairs looked for.
+const PAIRS: usize = 40;
+/// Frames on at which the other one of a pair is looked for: the farther the more of the parallax shows.
+const GAPS: [usize; 3] = [8, 4, 1];
+/// Share by which depths may differ where both see the same.
+const SAME: f32 = 0.02;
+
+/// Two views whose depths were laid onto each other.
+pub struct Pair {
+    /// Both, the source first.
+    pub views: [Pyramid; 2],
+    aligned: Aligned,
+}
+
+/// Frames that were taken to have one camera for pictures and depths.
+pub struct Recording<'a> {
+    /// All frames of the project.
+    pub frames: &'a [Frame],
+    /// Numbers of those, ascending.
+    pub numbers: &'a [usize],
+    /// That camera.
+    pub camera: Camera,
+    /// Reads them.
+    pub store: &'a FrameStore,
+}
+
+/// A point that both views of a pair see, in the axes of each.
+pub type Shared = [Vec3; 2];
+
+impl Pair {
+    /// Lays the depths of two views onto each other. Pictures only lead there: where they do not lie on their depths, they
+    /// would pull the pose along.
+    fn of(views: [&View; 2]) -> Option<Self> {
+        let blind = views.map(|view| Pyramid::new(&view.without_picture()));
+        let views = views.map(Pyramid::new);
+        let (guess, _) = align_and_check(views.each_ref(), &[(Pose::IDENTITY, Start::Far)]).ok()?;
+        let (aligned, _) = align_and_check(blind.each_ref(), &[(guess.target_from_source, Start::Near)]).ok()?;
+        Some(Self { views, aligned })
+    }
+
+    /// The points that the depths of both show, at a level of the pyramids.
+    #[must_use]
+    pub fn shared(&self, level: usize) -> Vec<Shared> {
+        let [source, target] = self.views.each_ref().map(|view| &view.levels[level]);
+        let rotation = Mat3::from_quat(self.aligned.target_from_source.rotation.as_quat());
+        let shift = self.aligned.target_from_source.translation.as_vec3();
+        let both = |pixel: usize| {
+            let depth = source.depths[pixel];
+            let point = source.ray(pixel % source.width, pixel / source.width) * depth;
+            let there = rotation * point + shift;
+            (depth > 0.0 && meets(target, there)).then_some([point, there])
+        };
+        (0..source.depths.len()).filter_map(both).collect()
+    }
+
+    /// How directions across the source's picture are turned in the target's.
+    #[must_use]
+    pub fn turn_of_picture(&self) -> Mat2 {
+        Mat2::from_mat3(Mat3::from_quat(self.aligned.target_from_source.rotation.as_quat()))
+    }
+
+    /// As [`Aligned::information`], by depth alone.
+    #[must_use]
+    pub fn information(&self) -> &[[f64; 6]; 6] {
+        &self.aligned.information
+    }
+
+    /// Mean depth of what the target sees, world units.
+    #[must_use]
+    pub fn typical_depth(&self) -> f32 {
+        self.views[1].typical_depth
+    }
+}
+
+fn meets(target: &Level, point: Vec3) -> bool {
+    let Some(at_px) = target.project(point) else { return false };
+    let depth = target.depths[at_px.y as usize * target.width + at_px.x as usize];
+    depth > 0.0 && (depth - point.z).abs() < SAME * depth
+}
+
+impl Recording<'_> {
+    /// Pairs of frames from all through the recording that see the same.
+    ///
+    /// # Errors
+    /// When stopped.
+    pub fn pairs(&self, progress: &Progress) -> Result<Vec<Pair>, Stopped> {
+        let done = AtomicUsize::new(0);
+        let count = PAIRS.min(self.numbers.len());
+        let from = |at: usize| {
+            progress.step(done.fetch_add(1, Ordering::Relaxed), count)?;
+            let Some(source) = self.view(self.numbers[at]) else { return Ok(None) };
+            let mut gaps = GAPS.into_iter().filter_map(|gap| self.view(*self.numbers.get(at + gap)?));
+            Ok(gaps.find_map(|target| Pair::of([&source, &target])))
+        };
+        let firsts: Vec<usize> = (0..count).map(|k| k * self.numbers.len() / count).collect();
+        let pairs: Vec<Option<Pair>> = firsts.into_par_iter().map(from).collect::<Result<_, Stopped>>()?;
+        Ok(pairs.into_iter().flatten().collect())
+    }
+
+    /// What registration sees of a frame; `None` where it cannot be read, which registration tells.
+    fn view(&self, frame: usize) -> Option<View> {
+        let frame = &self.frames[frame];
+        let (image, depth) = (self.store.image(frame).ok()?, self.store.depth(frame).ok()??);
+        let size = (self.camera.width, self.camera.height);
+        let fits = (image.width, image.height) == size && (depth.width, depth.height) == size;
+        fits.then(|| View::new(&image, &depth, &self.camera))
+    }
+}

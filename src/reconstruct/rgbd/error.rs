@@ -1,0 +1,20 @@
+use crate::sfm::FeatureError;
+use ostra_cloud::SceneError;
+use ostra_core::job::Stopped;
+
+/// What ends registration of an RGB-D recording without a result.
+#[derive(Debug, thiserror::Error)]
+pub enum RgbdError {
+    /// Features or matches could not be made.
+    #[error(transparent)]
+    Feature(#[from] FeatureError),
+    /// A cloud could not be compared.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// No two frames agree; what was found, and what to do.
+    #[error("{0}")]
+    NoStart(String),
+    /// The user stopped it.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
+}

@@ -1,0 +1,146 @@
+use std::collections::BTreeSet;
+
+use super::chain::OnPose;
+use super::forest::{Components, chained};
+use super::fragment::Fragment;
+use super::link::{FrameLink, Link};
+use super::odometry::Tried;
+use super::scan::Scan;
+use ostra_geometry::{Pose, PoseEdge, PoseGraphOptions, solve_pose_graph};
+
+/// Share of its weight that a link must keep to hold scans together.
+const HOLDS: f64 = 0.25;
+/// Share of the typical depth by which links may contradict each other before they lose weight.
+const SWITCH: f64 = 0.02;
+
+/// Scans with the links between them, and their poses as far as known.
+pub struct Graph {
+    /// The links.
+    pub links: Vec<Link>,
+    /// Share of its weight that each kept.
+    pub shares: Vec<f64>,
+    /// Of each scan.
+    pub poses: Vec<Option<Pose>>,
+    /// Pairs that were tried, whether they agreed or not.
+    tried: BTreeSet<[usize; 2]>,
+    /// Mean of the scans' mean depths, world units.
+    pub typical_depth: f64,
+}
+
+impl Graph {
+    /// The graph of some scans, with the poses of those that links tie to the largest group.
+    #[must_use]
+    pub fn new(scans: &[Scan], tried: &[Tried]) -> Self {
+        let typical: f64 = scans.iter().map(Scan::typical_depth).sum::<f64>() / scans.len().max(1) as f64;
+        let mut graph = Self {
+            links: Vec::new(),
+            shares: Vec::new(),
+            poses: vec![None; scans.len()],
+            tried: BTreeSet::new(),
+            typical_depth: typical,
+        };
+        graph.add(tried.iter().cloned());
+        if let Some(largest) = graph.fragments().first() {
+            graph.place(largest, &Pose::IDENTITY);
+        }
+        graph.solve();
+        graph
+    }
+
+    /// Adds what was tried since.
+    pub fn add(&mut self, tried: impl IntoIterator<Item = Tried>) {
+        for (pair, result) in tried {
+            self.tried.insert(pair);
+            if let Ok(link) = result {
+                self.links.push(link);
+                self.shares.push(1.0);
+            }
+        }
+    }
+
+    /// Pairs that were tried, whether they agreed or not.
+    #[must_use]
+    pub fn tried(&self) -> &BTreeSet<[usize; 2]> {
+        &self.tried
+    }
+
+    /// The scans whose poses are known.
+    #[must_use]
+    pub fn whole(&self) -> Fragment {
+        let posed = self.poses.iter().enumerate().filter_map(|(scan, pose)| Some((scan, (*pose)?)));
+        let (scans, poses) = posed.unzip();
+        Fragment { scans, poses }
+    }
+
+    /// Scans without a pose that links tie together, the largest group first, each in a world of its own: its poses follow the
+    /// links that agree best.
+    #[must_use]
+    pub fn fragments(&self) -> Vec<Fragment> {
+        let links: Vec<Link> = self.holding().copied().collect();
+        let members = Components::new(self.poses.len(), links.iter().map(|link| link.scans)).members();
+        let open = members.into_iter().filter(|scans| scans.iter().all(|&scan| self.poses[scan].is_none()));
+        let fragment = |scans: Vec<usize>| {
+            let along = chained(self.poses.len(), &links, scans[0]);
+            let poses = scans.iter().map(|&scan| along[scan].unwrap_or_default()).collect();
+            Fragment { scans, poses }
+        };
+        open.map(fragment).collect()
+    }
+
+    /// Takes the poses of a fragment, of which it is known how it stands to the world.
+    pub fn place(&mut self, fragment: &Fragment, fragment_from_world: &Pose) {
+        for (&scan, pose) in fragment.scans.iter().zip(&fragment.poses) {
+            self.poses[scan] = Some(pose.compose(fragment_from_world));
+        }
+    }
+
+    /// Links that the others do not contradict.
+    pub fn holding(&self) -> impl Iterator<Item = &Link> {
+        self.links.iter().zip(&self.shares).filter(|(_, share)| **share >= HOLDS).map(|(link, _)| link)
+    }
+
+    /// Tells all poses that are known, in the world of the first scan that has one.
+    pub fn tell(&self, scans: &[Scan], on_pose: &OnPose<'_>) {
+        let world_from_first = self.poses.iter().flatten().next().copied().unwrap_or_default().inverse();
+        for (scan, pose) in scans.iter().zip(&self.poses) {
+            pose.iter().for_each(|pose| on_pose(scan.frame, &pose.compose(&world_from_first)));
+        }
+    }
+
+    /// All links by the frames' numbers, ascending.
+    #[must_use]
+    pub fn frame_links(&self, scans: &[Scan]) -> Vec<FrameLink> {
+        let frame_link = |(link, share): (&Link, &f64)| FrameLink {
+            frames: link.scans.map(|scan| scans[scan].frame),
+            kind: link.kind,
+            consistent: link.agreement.consistent,
+            holds: *share >= HOLDS,
+        };
+        let mut links: Vec<FrameLink> = self.links.iter().zip(&self.shares).map(frame_link).collect();
+        links.sort_by_key(|link| (link.frames, link.kind));
+        links
+    }
+
+    /// Solves the pose graph; scans that no link then holds to the largest group lose their pose.
+    pub fn solve(&mut self) {
+        let is_posed = |link: &Link| link.scans.iter().all(|&scan| self.poses[scan].is_some());
+        let posed: Vec<usize> = (0..self.links.len()).filter(|&at| is_posed(&self.links[at])).collect();
+        let edges: Vec<PoseEdge> = posed.iter().map(|&at| self.links[at].edge()).collect();
+        let start: Vec<Pose> = self.poses.iter().map(|pose| pose.unwrap_or_default()).collect();
+        let root = self.poses.iter().position(Option::is_some);
+        let fixed: Vec<bool> = (0..start.len()).map(|scan| Some(scan) == root).collect();
+        let switch_distance = (SWITCH * self.typical_depth).max(f64::MIN_POSITIVE);
+        let options = PoseGraphOptions { switch_distance, ..PoseGraphOptions::default() };
+        let solved = solve_pose_graph(&start, &fixed, &edges, &options);
+        for (&at, &share) in posed.iter().zip(&solved.shares) {
+            self.shares[at] = share;
+        }
+        let held = self.holding().map(|link| link.scans);
+        let held = held.filter(|[a, b]| self.poses[*a].is_some() && self.poses[*b].is_some());
+        let kept = Components::new(self.poses.len(), held).members().into_iter().next().unwrap_or_default();
+        self.poses = vec![None; start.len()];
+        for scan in kept {
+            self.poses[scan] = Some(solved.node_from_world[scan]);
+        }
+    }
+}

@@ -1,0 +1,123 @@
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use super::agreement::Agreement;
+use super::align::Aligned;
+use super::chain::Chain;
+use super::link::{Link, LinkKind, Start, align_and_check, pose_from_features};
+use super::pyramid::Pyramid;
+use super::scan::Scan;
+use crate::sfm::{FeatureError, PairMatches};
+use ostra_core::job::Progress;
+use ostra_geometry::Pose;
+
+/// Frames back that one is compared with where the nearer ones do not fit: a spoilt frame breaks no recording.
+const BACK: usize = 4;
+
+/// What came of comparing two scans: a link, or the best agreement there was.
+pub type Tried = ([usize; 2], Result<Link, Option<Agreement>>);
+
+/// Links each scan with the one before; where that fails, with one of those before it. `chain` is told of each.
+///
+/// Stopped, it gives what it has by then.
+///
+/// # Errors
+/// Where the matcher fails.
+pub fn odometry(
+    scans: &[Scan],
+    matches: &PairMatches<'_>,
+    (seed, chain): (u64, &Chain<'_>),
+    progress: &Progress,
+) -> Result<Vec<Tried>, FeatureError> {
+    let done = AtomicUsize::new(0);
+    let of_scan = |target: usize| {
+        let mut tried: Vec<Tried> = Vec::new();
+        for back in 1..=BACK.min(target) {
+            if progress.step(done.load(Ordering::Relaxed), scans.len()).is_err() {
+                break;
+            }
+            let pair = [target - back, target];
+            let found = matches(pair[0], pair[1])?;
+            let result = compare(pair.map(|at| &scans[at]), &found, seed_of(pair, seed), true);
+            let is_linked = result.is_ok();
+            tried.push(linked(pair, LinkKind::Odometry, result));
+            if is_linked {
+                break;
+            }
+        }
+        done.fetch_add(1, Ordering::Relaxed);
+        chain.take(target, tried.last().and_then(|(_, result)| result.as_ref().ok()));
+        Ok(tried)
+    };
+    let tried: Vec<Vec<Tried>> = (1..scans.len()).into_par_iter().map(of_scan).collect::<Result<_, FeatureError>>()?;
+    Ok(tried.into_iter().flatten().collect())
+}
+
+/// Links scans that lie apart in time where their features agree on a pose.
+///
+/// Stopped, it gives what it has by then.
+///
+/// # Errors
+/// Where the matcher fails.
+pub fn loops(
+    scans: &[Scan],
+    pairs: &[[usize; 2]],
+    matches: &PairMatches<'_>,
+    seed: u64,
+    progress: &Progress,
+) -> Result<Vec<Tried>, FeatureError> {
+    let done = AtomicUsize::new(0);
+    let of_pair = |&pair: &[usize; 2]| {
+        progress.step(done.fetch_add(1, Ordering::Relaxed), pairs.len()).ok()?;
+        let compared = |found: Vec<(u32, u32)>| compare(pair.map(|at| &scans[at]), &found, seed_of(pair, seed), false);
+        Some(matches(pair[0], pair[1]).map(|found| linked(pair, LinkKind::Loop, compared(found))))
+    };
+    pairs.par_iter().filter_map(of_pair).collect()
+}
+
+/// Aligns two scans from the pose that their features give; where that leads nowhere and they may stand close, as they are.
+pub fn compare(
+    scans: [&Scan; 2],
+    matches: &[(u32, u32)],
+    seed: u64,
+    close: bool,
+) -> Result<(Aligned, Agreement), Option<Agreement>> {
+    let by_features = pose_from_features(scans[0], scans[1], matches, seed).map(|pose| (pose, Start::Near));
+    let guesses: Vec<(Pose, Start)> =
+        by_features.into_iter().chain(close.then_some((Pose::IDENTITY, Start::Far))).collect();
+    if guesses.is_empty() {
+        return Err(None);
+    }
+    let [source, target] = scans.map(|scan| Pyramid::new(&scan.view));
+    align_and_check([&source, &target], &guesses)
+}
+
+fn linked(pair: [usize; 2], kind: LinkKind, result: Result<(Aligned, Agreement), Option<Agreement>>) -> Tried {
+    (pair, result.map(|(aligned, agreement)| Link { scans: pair, kind, aligned, agreement }))
+}
+
+/// A seed of its own for each pair.
+fn seed_of([a, b]: [usize; 2], seed: u64) -> u64 {
+    seed ^ ((a as u64) << 32 | b as u64)
+}
+
+/// Links scans that poses known so far show to see the same.
+///
+/// Stopped, it gives what it has by then.
+#[must_use]
+pub fn densify(
+    scans: &[Scan],
+    poses: &[Option<Pose>],
+    (pairs, kind): (&[[usize; 2]], LinkKind),
+    progress: &Progress,
+) -> Vec<Tried> {
+    let done = AtomicUsize::new(0);
+    let of_pair = |&pair: &[usize; 2]| {
+        progress.step(done.fetch_add(1, Ordering::Relaxed), pairs.len()).ok()?;
+        let guess = poses[pair[1]]?.compose(&poses[pair[0]]?.inverse());
+        let [source, target] = pair.map(|at| Pyramid::new(&scans[at].view));
+        Some(linked(pair, kind, align_and_check([&source, &target], &[(guess, Start::Near)])))
+    };
+    pairs.par_iter().filter_map(of_pair).collect()
+}

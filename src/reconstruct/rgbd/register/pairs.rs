@@ -1,0 +1,107 @@
+use glam::{DMat3, DVec3};
+use pulp::Arch;
+
+use super::align::align;
+use super::described::DescribedCloud;
+use super::matching::Match;
+use ostra_geometry::Pose;
+use ostra_geometry::ransac::{Cutoff, LANES, within};
+
+/// Cosine of the angle that the normals of two points that are one may differ by.
+pub const SAME_NORMAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// How much the cosine of the angle between two normals may differ between the clouds.
+const NORMAL_TOLERANCE: f64 = 0.35;
+
+/// Matched points of two clouds, the most alike first.
+pub struct Pairs {
+    /// Source and target point.
+    pub points: Vec<[DVec3; 2]>,
+    normals: Vec<[DVec3; 2]>,
+    blocks: Vec<Block>,
+    limit: f64,
+    arch: Arch,
+}
+
+/// Coordinates of source, then target; NaN where there is none.
+type Block = [[f64; LANES]; 6];
+
+impl Pairs {
+    /// Of matched descriptors; pairs agree with a pose within `distance`.
+    pub fn new(source: &DescribedCloud, target: &DescribedCloud, matches: &[Match], distance: f64) -> Self {
+        let ends = |one: &Match| [(source, one.source), (target, one.target)];
+        let of = |(cloud, place): (&DescribedCloud, u32)| cloud.places[place as usize] as usize;
+        let point = |end: (&DescribedCloud, u32)| end.0.cloud.positions[of(end)].as_dvec3();
+        let normal = |end: (&DescribedCloud, u32)| end.0.cloud.normals[of(end)].as_dvec3();
+        let points: Vec<[DVec3; 2]> = matches.iter().map(|one| ends(one).map(point)).collect();
+        let normals = matches.iter().map(|one| ends(one).map(normal)).collect();
+        let blocks = points.chunks(LANES).map(block).collect();
+        Self { points, normals, blocks, limit: distance * distance, arch: Arch::new() }
+    }
+
+    /// Whether two pairs can be of one rigid motion: the distances between the points are alike up to the ratio
+    /// `edge_ratio`, and so are the angles between the normals.
+    pub fn fit_together(&self, one: usize, other: usize, edge_ratio: f64) -> bool {
+        let [here, there] = [0, 1].map(|end| self.points[one][end].distance(self.points[other][end]));
+        let [here_turn, there_turn] = [0, 1].map(|end| self.normals[one][end].dot(self.normals[other][end]));
+        // Two pairs that share a point are at distance 0 and say nothing about a motion.
+        here > edge_ratio * there && there > edge_ratio * here && (here_turn - there_turn).abs() < NORMAL_TOLERANCE
+    }
+
+    /// Whether the pose turns a pair's normals onto each other.
+    pub fn same_normal(&self, pose: &Pose, pair: usize) -> bool {
+        (pose.rotation * self.normals[pair][0]).dot(self.normals[pair][1]) > SAME_NORMAL
+    }
+
+    /// Sum of squared distances cut off at the limit; free to end early above `enough`.
+    pub fn cost(&self, pose: &Pose, enough: f64) -> f64 {
+        let rotation = DMat3::from_quat(pose.rotation);
+        self.arch.dispatch(Cutoff::new(
+            &self.blocks,
+            self.points.len(),
+            [self.limit, enough],
+            #[inline(always)]
+            |block| errors(&rotation, pose.translation, block),
+        ))
+    }
+
+    /// Pairs within the distance, ascending.
+    pub fn within(&self, pose: &Pose) -> Vec<u32> {
+        let rotation = DMat3::from_quat(pose.rotation);
+        within(&self.blocks, self.limit, |block| errors(&rotation, pose.translation, block))
+    }
+
+    /// How many pairs agree with a pose, in distance and normals.
+    pub fn agreeing(&self, pose: &Pose) -> usize {
+        self.within(pose).into_iter().filter(|&pair| self.same_normal(pose, pair as usize)).count()
+    }
+
+    /// The pose that fits best to what agrees with a pose.
+    pub fn refined(&self, pose: &Pose) -> Option<Pose> {
+        let near = self.within(pose);
+        align(near.iter().map(|&pair| (self.points[pair as usize][0], self.points[pair as usize][1], 1.0)))
+    }
+}
+
+fn block(chunk: &[[DVec3; 2]]) -> Block {
+    let mut block = [[f64::NAN; LANES]; 6];
+    for (lane, [source, target]) in chunk.iter().enumerate() {
+        for (row, value) in block.iter_mut().zip(source.to_array().into_iter().chain(target.to_array())) {
+            row[lane] = value;
+        }
+    }
+    block
+}
+
+#[inline(always)]
+fn errors(rotation: &DMat3, translation: DVec3, block: &Block) -> [f64; LANES] {
+    let [columns, shift] = [rotation.to_cols_array_2d(), [translation.to_array(); 3]];
+    let mut errors = [0.0; LANES];
+    for axis in 0..3 {
+        for lane in 0..LANES {
+            let moved = columns[0][axis] * block[0][lane] + columns[1][axis] * block[1][lane];
+            let miss = moved + columns[2][axis] * block[2][lane] + shift[0][axis] - block[3 + axis][lane];
+            errors[lane] += miss * miss;
+        }
+    }
+    errors
+}

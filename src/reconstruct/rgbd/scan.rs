@@ -1,0 +1,117 @@
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::RgbdError;
+use super::view::View;
+use crate::sfm::{FeatureExtractor, Features, Outcome};
+use ostra_core::job::Progress;
+use ostra_frames::{DepthMap, Frame, FrameStore};
+use ostra_geometry::Camera;
+
+/// Least share of known depths that a frame can be registered by.
+const LEAST_KNOWN: f64 = 0.02;
+
+/// Features kept per frame: recordings have thousands of frames.
+const FEATURES: usize = 1000;
+
+/// What registration knows of one frame.
+#[derive(Debug, Clone)]
+pub struct Scan {
+    /// Number of the frame.
+    pub frame: usize,
+    /// Its camera, in the picture's full size.
+    pub camera: Camera,
+    /// Picture and depth, small.
+    pub view: View,
+    /// Features of the picture in full size.
+    pub features: Features,
+    /// Where each feature lies, in the camera's axes; `None` where the depth is unknown.
+    pub places: Vec<Option<DVec3>>,
+}
+
+/// A frame by its number, or why it cannot be used.
+pub type Read = (usize, Result<Scan, Outcome>);
+
+/// Reads frames; what cannot be used is told apart.
+///
+/// # Errors
+/// [`RgbdError::Stopped`], and where features cannot be looked for.
+pub fn scans(
+    frames: &[Frame],
+    chosen: &[usize],
+    store: &FrameStore,
+    extractor: &dyn FeatureExtractor,
+    progress: &Progress,
+) -> Result<Vec<Read>, RgbdError> {
+    let done = AtomicUsize::new(0);
+    let one = |&number: &usize| {
+        progress.step(done.fetch_add(1, Ordering::Relaxed), chosen.len())?;
+        Ok((number, scan(number, &frames[number], store, extractor)?))
+    };
+    chosen.par_iter().map(one).collect()
+}
+
+/// Reads one frame, or tells why it cannot be used.
+///
+/// # Errors
+/// Where features cannot be looked for.
+pub fn scan(
+    number: usize,
+    frame: &Frame,
+    store: &FrameStore,
+    extractor: &dyn FeatureExtractor,
+) -> Result<Result<Scan, Outcome>, RgbdError> {
+    let Some(camera) = frame.camera.as_ref().map(|camera| camera.intrinsics) else {
+        return Ok(Err(Outcome::NoIntrinsics));
+    };
+    let (image, depth) = match (store.image(frame), store.depth(frame)) {
+        (Ok(image), Ok(Some(depth))) => (image, depth),
+        (Ok(_), Ok(None)) => return Ok(Err(Outcome::NoDepth { known: 0.0 })),
+        (Err(error), _) | (_, Err(error)) => return Ok(Err(Outcome::Unreadable { why: error.to_string() })),
+    };
+    let size = (camera.width, camera.height);
+    if (image.width, image.height) != size || (depth.width, depth.height) != size {
+        return Ok(Err(Outcome::Unreadable {
+            why: "picture, depth and camera differ in size; give all in one".into(),
+        }));
+    }
+    let view = View::new(&image, &depth, &camera);
+    if view.known() < LEAST_KNOWN {
+        return Ok(Err(Outcome::NoDepth { known: view.known() }));
+    }
+    let grey = image.luma();
+    let features = extractor.extract(&grey, image.width as usize, image.height as usize, None)?;
+    let places: Vec<Option<DVec3>> = features.keypoints.iter().map(|&at_px| place(&camera, &depth, at_px)).collect();
+    let kept = kept(&features, &places);
+    let places = kept.iter().map(|&at| places[at as usize]).collect();
+    Ok(Ok(Scan { frame: number, camera, view, features: features.select(&kept), places }))
+}
+
+/// The features that are kept: those of known depth first, the coarser before the finer.
+fn kept(features: &Features, places: &[Option<DVec3>]) -> Vec<u32> {
+    let scale = |at: u32| features.scales_px.get(at as usize).copied().unwrap_or(0.0);
+    let mut order: Vec<u32> = (0..places.len() as u32).collect();
+    order.sort_by(|&a, &b| {
+        let unknown = |at: u32| places[at as usize].is_none();
+        unknown(a).cmp(&unknown(b)).then(scale(b).total_cmp(&scale(a))).then(a.cmp(&b))
+    });
+    order.truncate(FEATURES);
+    order.sort_unstable();
+    order
+}
+
+fn place(camera: &Camera, depth: &DepthMap, at_px: glam::DVec2) -> Option<DVec3> {
+    let (x, y) = (at_px.x.max(0.0) as u32, at_px.y.max(0.0) as u32);
+    let depth = depth.at(x.min(depth.width - 1), y.min(depth.height - 1));
+    (depth.is_finite() && depth > 0.0).then(|| camera.unproject(at_px).extend(1.0) * f64::from(depth))
+}
+
+impl Scan {
+    /// Mean of its known depths, world units.
+    #[must_use]
+    pub fn typical_depth(&self) -> f64 {
+        self.view.mean_depth()
+    }
+}

@@ -1,0 +1,236 @@
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
+
+use rustc_hash::FxHashMap;
+
+use super::format::{decode_features, decode_pairs, encode_features, encode_pairs, hex};
+use crate::sfm::Features;
+use ostra_core::disk;
+
+/// Names one thing that is kept: a digest of all that it was made of.
+pub(super) type Key = [u8; 32];
+
+/// Matches of two pictures.
+pub(super) type Matches = Vec<(u32, u32)>;
+
+/// Bytes kept on the disk: features of some 1,500 pictures with 8,192 each, with their matches.
+const BUDGET_BYTES: u64 = 2 << 30;
+/// A larger file was not written by this program.
+const LARGEST_FILE: u64 = 256 << 20;
+/// Bytes of matches read at most, the latest used ones: they stay in memory.
+const LOADED_BYTES: u64 = 256 << 20;
+/// Matches reach the disk at the latest after this time, so that a killed run loses little.
+const SAVE_EVERY: Duration = Duration::from_secs(2);
+
+/// Features and matches in a folder: `features-KEY.bin` for each picture, `matches-KEY.bin` for those of some pairs. A file that is
+/// gone, damaged or cannot be written costs the work again, nothing else. What was not used for longest goes first when
+/// there is too much.
+#[derive(Debug)]
+pub struct FeatureCache {
+    folder: PathBuf,
+    budget_bytes: u64,
+    pairs: Mutex<Pairs>,
+    /// Why nothing is written any more.
+    failure: Mutex<Option<String>>,
+    found: Counts,
+    made: Counts,
+}
+
+#[derive(Debug, Default)]
+struct Pairs {
+    known: FxHashMap<Key, Matches>,
+    /// Those that are not on the disk yet.
+    unsaved: Vec<Key>,
+    saved: Option<Instant>,
+}
+
+#[derive(Debug, Default)]
+struct Counts {
+    pictures: AtomicUsize,
+    pairs: AtomicUsize,
+}
+
+impl FeatureCache {
+    /// What is kept in a folder, which need not exist yet.
+    #[must_use]
+    pub fn open(folder: PathBuf) -> Self {
+        Self::bounded(folder, BUDGET_BYTES)
+    }
+
+    pub(super) fn bounded(folder: PathBuf, budget_bytes: u64) -> Self {
+        let known = if is_own_folder(&folder) { read_pairs(&folder) } else { FxHashMap::default() };
+        Self {
+            folder,
+            budget_bytes,
+            pairs: Mutex::new(Pairs { known, ..Pairs::default() }),
+            failure: Mutex::default(),
+            found: Counts::default(),
+            made: Counts::default(),
+        }
+    }
+
+    /// What was found again and what had to be made, for people; `None` where nothing was found.
+    #[must_use]
+    pub fn report(&self) -> Option<String> {
+        let count = |counts: &AtomicUsize| counts.load(Ordering::Relaxed);
+        let [pictures, pairs] = [&self.found.pictures, &self.found.pairs].map(count);
+        let [more_pictures, more_pairs] = [&self.made.pictures, &self.made.pairs].map(count);
+        (pictures + pairs > 0).then(|| {
+            format!(
+                "features of {pictures} of {} images and matches of {pairs} of {} pairs were there from an earlier run",
+                pictures + more_pictures,
+                pairs + more_pairs
+            )
+        })
+    }
+
+    /// Writes what is not on the disk yet and drops what is too much; why not everything could be kept.
+    pub fn save(&self) -> Option<String> {
+        self.save_pairs(&mut lock(&self.pairs));
+        self.make_room();
+        let failure = lock(&self.failure).clone();
+        failure.map(|why| format!("features and matches are not kept for the next run: {why}"))
+    }
+
+    /// The features of a key, where they are kept and `is_right`.
+    pub(super) fn features(&self, key: &Key, is_right: impl FnOnce(&Features) -> bool) -> Option<Features> {
+        let path = self.features_path(key);
+        let bytes = is_own_folder(&self.folder).then(|| read(&path)).flatten();
+        let found = bytes.and_then(|bytes| decode_features(&bytes)).filter(is_right);
+        let counts = if found.is_some() { &self.found } else { &self.made };
+        counts.pictures.fetch_add(1, Ordering::Relaxed);
+        if found.is_some() {
+            used_now(&path);
+        }
+        found
+    }
+
+    pub(super) fn keep_features(&self, key: &Key, features: &Features) {
+        self.write(&self.features_path(key), &encode_features(features));
+    }
+
+    pub(super) fn pair(&self, key: &Key) -> Option<Matches> {
+        let found = lock(&self.pairs).known.get(key).cloned();
+        let counts = if found.is_some() { &self.found } else { &self.made };
+        counts.pairs.fetch_add(1, Ordering::Relaxed);
+        found
+    }
+
+    pub(super) fn has_pair(&self, key: &Key) -> bool {
+        lock(&self.pairs).known.contains_key(key)
+    }
+
+    pub(super) fn keep_pair(&self, key: Key, matches: &Matches) {
+        let mut pairs = lock(&self.pairs);
+        pairs.known.insert(key, matches.clone());
+        pairs.unsaved.push(key);
+        if pairs.saved.get_or_insert_with(Instant::now).elapsed() > SAVE_EVERY {
+            self.save_pairs(&mut pairs);
+        }
+    }
+
+    fn save_pairs(&self, pairs: &mut Pairs) {
+        let unsaved = std::mem::take(&mut pairs.unsaved);
+        let Some(first) = unsaved.iter().min() else { return };
+        let path = self.folder.join(format!("matches-{}.bin", hex(first)));
+        let rows = unsaved.iter().filter_map(|key| Some((key, pairs.known.get(key)?)));
+        self.write(&path, &encode_pairs(rows));
+        pairs.saved = Some(Instant::now());
+    }
+
+    fn features_path(&self, key: &Key) -> PathBuf {
+        self.folder.join(format!("features-{}.bin", hex(key)))
+    }
+
+    /// After one failure nothing more is tried: a full disk does not become emptier by it.
+    fn write(&self, path: &Path, bytes: &[u8]) {
+        let mut failure = lock(&self.failure);
+        if failure.is_none() {
+            let written = make_own_folder(&self.folder).and_then(|()| disk::write(path, bytes));
+            *failure = written.err().map(|error| format!("{}: {error}", self.folder.display()));
+        }
+    }
+
+    fn make_room(&self) {
+        if !is_own_folder(&self.folder) {
+            return;
+        }
+        disk::remove_leftovers(&self.folder, false);
+        let files = entries(&self.folder, &["features-", "matches-"]);
+        let mut bytes: u64 = files.iter().map(|(_, bytes, _)| bytes).sum();
+        for (_, freed, path) in files {
+            if bytes <= self.budget_bytes {
+                break;
+            }
+            bytes -= freed;
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
+impl Drop for FeatureCache {
+    fn drop(&mut self) {
+        self.save_pairs(&mut lock(&self.pairs));
+    }
+}
+
+/// A folder of the project, not a link that leads out of it.
+fn is_own_folder(folder: &Path) -> bool {
+    fs::symlink_metadata(folder).is_ok_and(|about| about.is_dir())
+}
+
+fn make_own_folder(folder: &Path) -> std::io::Result<()> {
+    if is_own_folder(folder) {
+        return Ok(());
+    }
+    fs::create_dir(folder)
+}
+
+fn read_pairs(folder: &Path) -> FxHashMap<Key, Matches> {
+    let (mut known, mut left) = (FxHashMap::default(), LOADED_BYTES);
+    for (_, bytes, path) in entries(folder, &["matches-"]).into_iter().rev() {
+        let Some(rest) = left.checked_sub(bytes) else { break };
+        if let Some(pairs) = read(&path).and_then(|bytes| decode_pairs(&bytes)) {
+            known.extend(pairs);
+            used_now(&path);
+            left = rest;
+        }
+    }
+    known
+}
+
+/// What is used last goes last.
+fn used_now(path: &Path) {
+    let _ = File::options().write(true).open(path).and_then(|file| file.set_modified(SystemTime::now()));
+}
+
+/// Time, size and path of the files whose names begin so, the oldest first.
+fn entries(folder: &Path, starts: &[&str]) -> Vec<(SystemTime, u64, PathBuf)> {
+    let about = |path: PathBuf| {
+        let about = fs::symlink_metadata(&path).ok()?;
+        Some((about.modified().ok()?, about.len(), path))
+    };
+    let paths = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let is_named = |path: &PathBuf| starts.iter().any(|start| is_named(path, start));
+    let mut files: Vec<_> = paths.filter(is_named).filter_map(about).collect();
+    files.sort();
+    files
+}
+
+fn is_named(path: &Path, start: &str) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str());
+    name.is_some_and(|name| name.starts_with(start) && name.ends_with(".bin"))
+}
+
+/// The bytes of a regular file of a likely size; links are not followed.
+fn read(path: &Path) -> Option<Vec<u8>> {
+    let about = fs::symlink_metadata(path).ok()?;
+    (about.is_file() && about.len() <= LARGEST_FILE).then(|| fs::read(path).ok()).flatten()
+}
+
+fn lock<T>(value: &Mutex<T>) -> MutexGuard<'_, T> {
+    value.lock().unwrap_or_else(PoisonError::into_inner)
+}

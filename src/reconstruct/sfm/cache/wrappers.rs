@@ -1,0 +1,165 @@
+use glam::DVec2;
+use sha2::{Digest, Sha256};
+
+use super::FeatureCache;
+use super::files::{Key, Matches};
+use super::format::encode_features;
+use crate::sfm::{FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches};
+
+/// Raised when the same input gives other features or matches than before.
+const VERSION: u32 = 1;
+
+/// An extractor whose features are kept: those of a picture that it saw before are not looked for again.
+pub struct CachedExtractor<'a> {
+    /// Finds features that are not there.
+    pub extractor: &'a dyn FeatureExtractor,
+    /// Distinguishes the extractor, with its options and networks, from all others.
+    pub identity: &'a str,
+    /// What is kept.
+    pub cache: &'a FeatureCache,
+}
+
+impl FeatureExtractor for CachedExtractor<'_> {
+    fn name(&self) -> &'static str {
+        self.extractor.name()
+    }
+
+    fn extract(
+        &self,
+        grey: &[f32],
+        width: usize,
+        height: usize,
+        allowed: Option<&[bool]>,
+    ) -> Result<Features, FeatureError> {
+        let mut digest = begun(&[self.identity, self.extractor.name()]);
+        digest.update(format!("{width}×{height} {} ", allowed.is_some()));
+        digest.update(bytemuck::cast_slice::<f32, u8>(grey));
+        let bits = allowed.unwrap_or_default().chunks(4096);
+        bits.for_each(|bits| digest.update(bits.iter().map(|&bit| u8::from(bit)).collect::<Vec<u8>>()));
+        let key: Key = digest.finalize().into();
+        if let Some(known) = self.cache.features(&key, |known| are_of(known, width, height)) {
+            return Ok(known);
+        }
+        let made = self.extractor.extract(grey, width, height, allowed)?;
+        self.cache.keep_features(&key, &made);
+        Ok(made)
+    }
+}
+
+/// A matcher whose matches are kept: pairs of pictures of a set that it matched before are not matched again.
+pub struct CachedMatcher<'a> {
+    /// Finds matches that are not there.
+    pub matcher: &'a dyn FeatureMatcher,
+    /// Distinguishes the matcher, with its options and networks, from all others.
+    pub identity: &'a str,
+    /// What is kept.
+    pub cache: &'a FeatureCache,
+}
+
+impl FeatureMatcher for CachedMatcher<'_> {
+    fn name(&self) -> &'static str {
+        self.matcher.name()
+    }
+
+    fn depends_on_set(&self) -> bool {
+        self.matcher.depends_on_set()
+    }
+
+    fn matches(&self, first: &Features, second: &Features) -> Result<Matches, FeatureError> {
+        self.matcher.matches(first, second)
+    }
+
+    fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
+        Ok(self.cached(self.keys(pictures), pictures, Some(self.matcher.of_set(pictures)?)))
+    }
+
+    fn of_pairs<'a>(
+        &'a self,
+        pictures: &'a [&'a Features],
+        pairs: &[(usize, usize)],
+    ) -> Result<PairMatches<'a>, FeatureError> {
+        let keys = self.keys(pictures);
+        let is_known = |&(first, second): &(usize, usize)| self.cache.has_pair(&keys.of(first, second));
+        // What the pictures of a set have in common is only worked out where a pair is not known; not within the closure,
+        // which runs in parallel: work that waits for other work there can come to wait for itself.
+        let needs_matcher = !pairs.iter().all(is_known);
+        let matcher = needs_matcher.then(|| self.matcher.of_pairs(pictures, pairs)).transpose()?;
+        Ok(self.cached(keys, pictures, matcher))
+    }
+}
+
+impl CachedMatcher<'_> {
+    fn keys(&self, pictures: &[&Features]) -> PairKeys {
+        let digests: Vec<Key> = pictures.iter().map(|one| Sha256::digest(encode_features(one)).into()).collect();
+        let mut set = begun(&[self.identity, self.matcher.name()]);
+        if self.matcher.depends_on_set() {
+            digests.iter().for_each(|digest| set.update(digest));
+        }
+        PairKeys { set, digests }
+    }
+
+    fn cached<'a>(
+        &'a self,
+        keys: PairKeys,
+        pictures: &'a [&'a Features],
+        matcher: Option<PairMatches<'a>>,
+    ) -> PairMatches<'a> {
+        Box::new(move |first, second| {
+            let key = keys.of(first, second);
+            let counts = [pictures[first], pictures[second]].map(|one| one.keypoints.len());
+            if let Some(known) = self.cache.pair(&key).filter(|known| fits(known, counts)) {
+                return Ok(known);
+            }
+            let made = match &matcher {
+                Some(matcher) => matcher(first, second)?,
+                // The kept matches do not fit the keypoints: a file was changed.
+                None => self.matcher.matches(pictures[first], pictures[second])?,
+            };
+            self.cache.keep_pair(key, &made);
+            Ok(made)
+        })
+    }
+}
+
+/// The keys of the pairs of a set of pictures.
+struct PairKeys {
+    set: Sha256,
+    digests: Vec<Key>,
+}
+
+impl PairKeys {
+    fn of(&self, first: usize, second: usize) -> Key {
+        let mut digest = self.set.clone();
+        digest.update(self.digests[first]);
+        digest.update(self.digests[second]);
+        digest.finalize().into()
+    }
+}
+
+/// Whether features can be those of a picture of this size: the folder may come from a stranger.
+fn are_of(features: &Features, width: usize, height: usize) -> bool {
+    let (x_end, y_end) = (width as f64, height as f64);
+    let is_inside = |at: &DVec2| (0.0..=x_end).contains(&at.x) && (0.0..=y_end).contains(&at.y);
+    (features.width as usize, features.height as usize) == (width, height)
+        && features.keypoints.iter().all(is_inside)
+        && features.scales_px.iter().chain(&features.scores).all(|value| value.is_finite())
+        && features.descriptors.as_floats().is_none_or(|values| values.iter().all(|value| value.is_finite()))
+        && features.descriptors.len() == features.keypoints.len()
+}
+
+/// Whether matches name keypoints that are there, in order.
+fn fits(matches: &Matches, counts: [usize; 2]) -> bool {
+    matches.iter().all(|&(a, b)| (a as usize) < counts[0] && (b as usize) < counts[1])
+        && matches.is_sorted_by(|one, next| one.0 < next.0)
+}
+
+/// A digest of names, each with its length, so that no two lists give the same bytes.
+fn begun(names: &[&str]) -> Sha256 {
+    let mut digest = Sha256::new();
+    digest.update(VERSION.to_le_bytes());
+    for name in names {
+        digest.update((name.len() as u64).to_le_bytes());
+        digest.update(name);
+    }
+    digest
+}

@@ -1,0 +1,86 @@
+use std::path::PathBuf;
+
+use super::{IntrinsicsSource, MapCamera};
+use ostra_frames::{Frame, Orientation, PictureSource, exif_focal_px};
+use ostra_geometry::{Camera, Distortion};
+
+/// Focal length of a camera of which nothing is known, relative to the longer side of its pictures.
+const GUESSED_FOCAL: f64 = 1.2;
+
+/// What two pictures of one unknown camera have in common.
+#[derive(PartialEq)]
+struct Trace {
+    /// The folder of the picture, or the film.
+    place: PathBuf,
+    size: (u32, u32),
+    orientation: Orientation,
+    exif_focal_px: Option<f64>,
+}
+
+/// Which camera took which frame: one for all frames with the same given intrinsics, and one for all other frames of a
+/// folder or film with the same size, turn and focal length in their EXIF data.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CameraGroups {
+    /// The cameras.
+    pub cameras: Vec<MapCamera>,
+    /// By frame, which of them.
+    pub camera_of: Vec<usize>,
+}
+
+impl CameraGroups {
+    /// Groups frames, of which some may have intrinsics. Estimated ones count as unknown.
+    #[must_use]
+    pub fn new(frames: &[&Frame]) -> Self {
+        let mut groups = Self::default();
+        let mut traces: Vec<(Trace, usize)> = Vec::new();
+        for frame in frames {
+            let number = match frame.camera.filter(|camera| !camera.estimated) {
+                Some(camera) => groups.given(camera.intrinsics),
+                None => groups.unknown(frame, &mut traces),
+            };
+            groups.camera_of.push(number);
+        }
+        groups
+    }
+
+    fn given(&mut self, intrinsics: Camera) -> usize {
+        let camera = MapCamera { intrinsics, source: IntrinsicsSource::Given };
+        self.cameras.iter().position(|known| *known == camera).unwrap_or_else(|| self.push(camera))
+    }
+
+    fn unknown(&mut self, frame: &Frame, traces: &mut Vec<(Trace, usize)>) -> usize {
+        let trace = Trace::of(frame);
+        if let Some((_, number)) = traces.iter().find(|(known, _)| *known == trace) {
+            return *number;
+        }
+        let number = self.push(first_guess(frame, trace.exif_focal_px));
+        traces.push((trace, number));
+        number
+    }
+
+    fn push(&mut self, camera: MapCamera) -> usize {
+        self.cameras.push(camera);
+        self.cameras.len() - 1
+    }
+}
+
+impl Trace {
+    fn of(frame: &Frame) -> Self {
+        let (place, orientation) = match &frame.picture {
+            PictureSource::File { path, orientation } => (path.parent().unwrap_or(path).to_path_buf(), *orientation),
+            PictureSource::Film { path, .. } => (path.clone(), Orientation::default()),
+        };
+        Self { place, size: (frame.width, frame.height), orientation, exif_focal_px: exif_focal_px(frame) }
+    }
+}
+
+fn first_guess(frame: &Frame, exif_focal_px: Option<f64>) -> MapCamera {
+    let (width, height) = (f64::from(frame.width), f64::from(frame.height));
+    let focal = exif_focal_px.unwrap_or(GUESSED_FOCAL * width.max(height));
+    let intrinsics = Camera {
+        distortion: Distortion::Radial { k: [0.0; 2] },
+        ..Camera::pinhole(frame.width, frame.height, focal, focal, width / 2.0, height / 2.0)
+    };
+    let source = if exif_focal_px.is_some() { IntrinsicsSource::Exif } else { IntrinsicsSource::Guessed };
+    MapCamera { intrinsics, source }
+}

@@ -1,0 +1,104 @@
+use std::collections::BTreeSet;
+
+use super::MapperOptions;
+use super::state::Mapper;
+use crate::sfm::VerifiedPair;
+use ostra_core::job::Stopped;
+use ostra_geometry::{Pose, TwoViewKind};
+
+/// How a model was begun.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Start {
+    /// From images whose poses were given.
+    Given,
+    /// From two images.
+    Pair {
+        /// Which.
+        images: [u32; 2],
+        /// Matches that agree with their geometry.
+        matches: usize,
+        /// Median angle between the rays of these matches in radians.
+        parallax: f64,
+        /// What was asked of the pair: matches, and parallax in radians. Less than the options say where no pair had
+        /// as much.
+        asked: (usize, f64),
+    },
+}
+
+/// Shares of the matches and of the parallax asked for that are asked of the first pair, one after the other.
+const RELAXED: [(f64, f64); 5] = [(1.0, 1.0), (0.5, 1.0), (0.5, 0.5), (0.3, 0.25), (0.3, 0.125)];
+/// Pairs that are tried for each.
+const TRIES: usize = 12;
+/// Share of the matches asked for that must become points.
+const POINT_SHARE: f64 = 0.5;
+
+impl Mapper<'_> {
+    /// Places two images that see enough of the same from places far enough apart, with the points they share.
+    ///
+    /// # Errors
+    /// [`Stopped`]; `Ok(None)` where no pair will do.
+    pub fn start_from_pair(&mut self) -> Result<Option<Start>, Stopped> {
+        let problem = self.problem;
+        let mut tried = BTreeSet::new();
+        for asked in RELAXED.map(|(matches, parallax)| relaxed(self.options, matches, parallax)) {
+            let mut ranked: Vec<(usize, &VerifiedPair)> = problem.pairs.iter().enumerate().collect();
+            ranked.retain(|(number, pair)| !tried.contains(number) && self.may_start(pair, asked));
+            ranked.sort_by_key(|(number, pair)| (std::cmp::Reverse(pair.matches.len()), *number));
+            for (number, pair) in ranked.into_iter().take(TRIES) {
+                self.progress.check()?;
+                tried.insert(number);
+                if self.try_pair(pair, asked)? {
+                    let (images, matches, parallax) = (pair.images, pair.matches.len(), pair.parallax);
+                    return Ok(Some(Start::Pair { images, matches, parallax, asked }));
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    fn may_start(&self, pair: &VerifiedPair, (matches, parallax): (usize, f64)) -> bool {
+        pair.images.iter().all(|&image| self.is_open(image))
+            && pair.second_from_first.is_some()
+            && pair.kind != TwoViewKind::Panoramic
+            && pair.matches.len() >= matches
+            && pair.parallax >= parallax
+    }
+
+    /// Places the pair; takes it back where too few points come of it.
+    fn try_pair(&mut self, pair: &VerifiedPair, (matches, parallax): (usize, f64)) -> Result<bool, Stopped> {
+        let Some(second_from_first) = pair.second_from_first else { return Ok(false) };
+        let [first, second] = pair.images;
+        self.place(first, Pose::IDENTITY);
+        self.place(second, second_from_first);
+        self.triangulate_image(second);
+        self.adjust_around(second)?;
+        let enough = self.model.points().count() as f64 >= POINT_SHARE * matches as f64;
+        if enough && self.median_angle(pair) >= 0.5 * parallax {
+            return Ok(true);
+        }
+        self.clear();
+        Ok(false)
+    }
+
+    /// Median angle between the rays of the points that a pair shares.
+    fn median_angle(&self, pair: &VerifiedPair) -> f64 {
+        let [Some(a), Some(b)] = pair.images.map(|image| self.model.poses[image as usize]) else { return 0.0 };
+        let (a, b) = (a.centre(), b.centre());
+        let mut angles: Vec<f64> =
+            self.model.points().map(|(_, point)| (point.position - a).angle_between(point.position - b)).collect();
+        angles.sort_unstable_by(f64::total_cmp);
+        angles.get(angles.len() / 2).copied().unwrap_or(0.0)
+    }
+
+    /// Takes out all points and poses.
+    pub fn clear(&mut self) {
+        for point in 0..self.model.point_slots() {
+            self.remove_point(point);
+        }
+        self.model.poses.fill(None);
+    }
+}
+
+fn relaxed(options: &MapperOptions, matches: f64, parallax: f64) -> (usize, f64) {
+    ((options.first_pair_matches as f64 * matches) as usize, options.first_pair_parallax * parallax)
+}

@@ -1,0 +1,149 @@
+use glam::{DVec2, DVec3};
+
+use super::MapperOptions;
+use crate::sfm::{Correspondences, IntrinsicsSource, KeypointId, MapProblem, ModelPoint, SparseModel};
+use ostra_core::job::Progress;
+use ostra_geometry::{Pose, Sighting};
+
+/// A model that grows, with what is kept up to date beside it.
+pub(super) struct Mapper<'a> {
+    pub problem: &'a MapProblem,
+    pub links: &'a Correspondences,
+    pub options: &'a MapperOptions,
+    pub progress: &'a Progress,
+    pub model: SparseModel,
+    /// Images that may not be placed: they are in another model.
+    pub closed: Vec<bool>,
+    /// By camera, whether its focal length is more than a guess.
+    pub focal_known: Vec<bool>,
+    /// By camera, whether its lens is taken to be without distortion.
+    pub straight: Vec<bool>,
+    /// Keypoints on the plane z = 1, by image.
+    rays: Vec<Vec<DVec2>>,
+    /// By image and keypoint, how many of its links see a point.
+    support: Vec<Vec<u16>>,
+}
+
+impl<'a> Mapper<'a> {
+    pub fn new(
+        problem: &'a MapProblem,
+        links: &'a Correspondences,
+        options: &'a MapperOptions,
+        progress: &'a Progress,
+    ) -> Self {
+        let model = SparseModel::new(problem);
+        let mut mapper = Self {
+            problem,
+            links,
+            options,
+            progress,
+            model,
+            closed: vec![false; problem.images.len()],
+            focal_known: problem.cameras.iter().map(|camera| camera.source != IntrinsicsSource::Guessed).collect(),
+            straight: vec![false; problem.cameras.len()],
+            rays: vec![Vec::new(); problem.images.len()],
+            support: problem.images.iter().map(|image| vec![0; image.keypoints.len()]).collect(),
+        };
+        (0..problem.cameras.len()).for_each(|camera| mapper.cast_rays(camera));
+        mapper
+    }
+
+    /// Undistorts the keypoints of a camera's images anew.
+    pub fn cast_rays(&mut self, camera: usize) {
+        let intrinsics = self.model.cameras[camera];
+        for (image, rays) in self.problem.images.iter().zip(&mut self.rays).filter(|(image, _)| image.camera == camera)
+        {
+            rays.clear();
+            rays.extend(image.keypoints.iter().map(|&at_px| intrinsics.unproject(at_px)));
+        }
+    }
+
+    pub fn at_px(&self, keypoint: KeypointId) -> DVec2 {
+        self.problem.images[keypoint.image as usize].keypoints[keypoint.index as usize]
+    }
+
+    /// The keypoint as seen from its image, when that is placed.
+    pub fn sighting(&self, keypoint: KeypointId) -> Option<Sighting<'_>> {
+        let image = keypoint.image as usize;
+        let at_plane = self.rays[image][keypoint.index as usize];
+        let camera_from_world = self.model.poses[image].as_ref().filter(|_| at_plane.is_finite())?;
+        let camera = &self.model.cameras[self.problem.images[image].camera];
+        Some(Sighting { camera, camera_from_world, at_px: self.at_px(keypoint), at_plane })
+    }
+
+    /// Reprojection error of a point in pixels; infinite where it is not seen.
+    pub fn error_px(&self, keypoint: KeypointId, position: DVec3) -> f64 {
+        let Some(pose) = self.model.poses[keypoint.image as usize] else { return f64::INFINITY };
+        let camera = &self.model.cameras[self.problem.images[keypoint.image as usize].camera];
+        let seen = camera.project(pose.transform(position));
+        seen.map_or(f64::INFINITY, |at| at.distance(self.at_px(keypoint)))
+    }
+
+    /// Whether some two of the keypoints see the position under a large enough angle.
+    pub fn has_parallax(&self, track: &[KeypointId], position: DVec3) -> bool {
+        let rays: Vec<DVec3> = track
+            .iter()
+            .filter_map(|keypoint| self.model.poses[keypoint.image as usize])
+            .map(|pose| (position - pose.centre()).normalize_or_zero())
+            .collect();
+        let limit = self.options.min_angle.cos();
+        rays.iter().enumerate().any(|(i, a)| rays[..i].iter().any(|b| a.dot(*b) < limit))
+    }
+
+    /// Whether an image is free to be placed.
+    pub fn is_open(&self, image: u32) -> bool {
+        !self.closed[image as usize] && !self.model.is_placed(image)
+    }
+
+    pub fn place(&mut self, image: u32, camera_from_world: Pose) {
+        self.model.poses[image as usize] = Some(camera_from_world);
+    }
+
+    /// Takes an image out, with its sightings.
+    pub fn displace(&mut self, image: u32) {
+        for index in 0..self.problem.images[image as usize].keypoints.len() as u32 {
+            let keypoint = KeypointId { image, index };
+            if self.model.point_of(keypoint).is_some() {
+                self.detach(keypoint);
+            }
+        }
+        self.model.poses[image as usize] = None;
+    }
+
+    /// By keypoint of an image, how many of its links see a point.
+    pub fn support(&self, image: u32) -> &[u16] {
+        &self.support[image as usize]
+    }
+
+    pub fn add_point(&mut self, position: DVec3, track: Vec<KeypointId>) -> u32 {
+        for &keypoint in &track {
+            self.count_support(keypoint, 1);
+        }
+        self.model.add(position, track)
+    }
+
+    pub fn extend_point(&mut self, point: u32, keypoint: KeypointId) {
+        self.count_support(keypoint, 1);
+        self.model.extend(point, keypoint);
+    }
+
+    pub fn detach(&mut self, keypoint: KeypointId) {
+        self.count_support(keypoint, -1);
+        self.model.detach(keypoint);
+    }
+
+    pub fn remove_point(&mut self, point: u32) -> Option<ModelPoint> {
+        let removed = self.model.remove(point)?;
+        for &keypoint in &removed.track {
+            self.count_support(keypoint, -1);
+        }
+        Some(removed)
+    }
+
+    fn count_support(&mut self, keypoint: KeypointId, by: i16) {
+        for link in self.links.of(keypoint) {
+            let count = &mut self.support[link.image as usize][link.index as usize];
+            *count = count.saturating_add_signed(by);
+        }
+    }
+}

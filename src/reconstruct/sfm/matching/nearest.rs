@@ -1,0 +1,92 @@
+use pulp::Arch;
+
+use super::cells::{Cells, Comparison};
+use super::record::Rule;
+use super::value::Value;
+use crate::sfm::{Descriptors, FeatureError, FeatureMatcher, Features, PairMatches};
+
+/// Pairs descriptors of which each is the other's nearest. In pictures with many descriptors only those are compared
+/// that share one of their nearest centres of k-means over all (an inverted file: J. Sivic and A. Zisserman, "Video
+/// Google", ICCV 2003), which finds nearly all matches with a small part of the work.
+///
+/// The ratio test is from D. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 2004.
+#[derive(Debug, Clone, Copy)]
+pub struct NearestMatcher {
+    rule: Rule,
+}
+
+impl NearestMatcher {
+    /// Both descriptors' nearest is nearer than `ratio` (0..1; 1 = any) of the distance to their second nearest, and the
+    /// cosine between the two larger than `min_cosine` (−1 = any).
+    #[must_use]
+    pub fn new(ratio: f32, min_cosine: f32) -> Self {
+        Self { rule: Rule::new(ratio, min_cosine) }
+    }
+
+    /// For SIFT: ratio 0.8, at most 0.7 rad between the two.
+    #[must_use]
+    pub fn for_bytes() -> Self {
+        Self::new(0.8, 0.764_842)
+    }
+
+    /// For learned descriptors such as XFeat's: no ratio, cosine above 0.82.
+    #[must_use]
+    pub fn for_floats() -> Self {
+        Self::new(1.0, 0.82)
+    }
+
+    /// Matches of pairs of pictures that all have descriptors of `T`; an empty picture has none.
+    fn of_values<'a, T: Value + 'a>(&self, pictures: Vec<&'a [T]>, dim: usize) -> PairMatches<'a> {
+        let (cells, rule) = (Cells::of_set(&pictures, dim), self.rule);
+        Box::new(move |first, second| {
+            let values = [pictures[first], pictures[second]];
+            let cells = [&cells[first], &cells[second]];
+            let [forth, back] = Arch::new().dispatch(Comparison { cells, values, dim, rule });
+            let found = (0u32..).zip(forth).filter_map(|(at, found)| found.map(|other| (at, other)));
+            Ok(found.filter(|&(at, other)| back[other as usize] == Some(at)).collect())
+        })
+    }
+}
+
+impl FeatureMatcher for NearestMatcher {
+    fn name(&self) -> &'static str {
+        "nearest"
+    }
+
+    /// Its cells are found by the descriptors of all pictures.
+    fn depends_on_set(&self) -> bool {
+        true
+    }
+
+    fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError> {
+        self.of_set(&[first, second])?(0, 1)
+    }
+
+    fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
+        let kinds = || pictures.iter().map(|one| &one.descriptors).filter(|one| !one.is_empty());
+        let Some(known) = kinds().next() else { return Ok(Box::new(|_, _| Ok(Vec::new()))) };
+        if let Some(other) = kinds().find(|other| other.dim() != known.dim() || is_bytes(other) != is_bytes(known)) {
+            return Err(FeatureError::Kinds(format!(
+                "descriptors of {} {} and {} {} cannot be compared",
+                known.dim(),
+                noun(known),
+                other.dim(),
+                noun(other)
+            )));
+        }
+        let all = pictures.iter().map(|one| &one.descriptors);
+        Ok(if is_bytes(known) {
+            self.of_values(all.map(|one| one.as_bytes().unwrap_or_default()).collect(), known.dim())
+        } else {
+            self.of_values(all.map(|one| one.as_floats().unwrap_or_default()).collect(), known.dim())
+        })
+    }
+}
+
+fn is_bytes(descriptors: &Descriptors) -> bool {
+    descriptors.as_bytes().is_some()
+}
+
+fn noun(descriptors: &Descriptors) -> &'static str {
+    if is_bytes(descriptors) { "bytes" } else { "floats" }
+}

@@ -1,0 +1,21 @@
+//! Learned features: keypoints and matches from networks.
+
+mod glance;
+mod heat;
+mod keypoints;
+mod lighterglue;
+mod prepared;
+mod sampled;
+mod superglue;
+mod superpoint;
+mod suppress;
+mod transport;
+mod xfeat;
+
+#[cfg(test)]
+mod tests;
+
+pub use lighterglue::{LighterGlue, LighterGlueOptions};
+pub use superglue::{SuperGlue, SuperGlueOptions};
+pub use superpoint::{SuperPoint, SuperPointOptions};
+pub use xfeat::{XFeat, XFeatOptions};

@@ -1,0 +1,87 @@
+use std::path::Path;
+
+use super::heat::{CELL, Heat};
+use super::keypoints::{Found, Picture, load_only};
+use super::sampled::{Sampled, normalise};
+use crate::sfm::{FeatureError, FeatureExtractor, Features};
+use ostra_compute::nn::{Network, NnError};
+
+/// Settings of [`XFeat`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct XFeatOptions {
+    /// Most keypoints of a picture, the strongest.
+    pub most: usize,
+    /// Pictures with a longer side are shrunk to this, in pixels.
+    pub max_side: usize,
+    /// Least heat of a keypoint, 0..1.
+    pub least_heat: f32,
+}
+
+impl Default for XFeatOptions {
+    fn default() -> Self {
+        Self { most: 4096, max_side: 1600, least_heat: 0.05 }
+    }
+}
+
+/// Keypoints and descriptors of 64 floats from a small network, the strongest keypoints first.
+///
+/// Potje, Cadar, Araujo, Martins, Nascimento: "XFeat: Accelerated Features for Lightweight Image Matching", CVPR 2024.
+#[derive(Debug)]
+pub struct XFeat {
+    network: Network,
+    options: XFeatOptions,
+}
+
+/// Values of a descriptor.
+pub const DIM: usize = 64;
+/// It halves the picture five times.
+const MULTIPLE: usize = 32;
+/// Radius of the surroundings that count most for a descriptor, in pixels of the picture that the network sees: two of
+/// its cells.
+const AROUND: f32 = 2.0 * CELL as f32;
+
+impl XFeat {
+    /// The network `xfeat` of a folder of networks.
+    ///
+    /// # Errors
+    /// When it is not installed there, does not load, or ONNX Runtime is missing.
+    pub fn load(folder: &Path, options: XFeatOptions) -> Result<Self, NnError> {
+        Ok(Self { network: load_only(folder, "xfeat")?, options })
+    }
+}
+
+impl FeatureExtractor for XFeat {
+    fn name(&self) -> &'static str {
+        "xfeat"
+    }
+
+    fn extract(
+        &self,
+        grey: &[f32],
+        width: usize,
+        height: usize,
+        allowed: Option<&[bool]>,
+    ) -> Result<Features, FeatureError> {
+        let picture = Picture::new(grey, (width, height), allowed, (self.options.max_side, MULTIPLE));
+        let (shown, planes) = (&picture.shown, [DIM, CELL * CELL + 1, 1]);
+        let (columns, rows) = (shown.width / CELL, shown.height / CELL);
+        let [described, logits, reliability] = picture
+            .run(&self.network, "input", planes, CELL)
+            .map_err(|error| FeatureError::Network(error.to_string()))?;
+        let heat = Heat::from_logits(logits.as_floats(), columns, rows);
+        let reliability = Sampled::new(reliability.as_floats(), 1, columns, rows);
+        let peaks = heat.peaks(shown.shown_width, shown.shown_height, self.options.least_heat);
+        let found = peaks.into_iter().map(|(x, y)| {
+            let at = heat.refined(x, y);
+            let mut sure = [0.0];
+            reliability.read(at, &mut sure);
+            Found { at, score: heat.at(x, y) * sure[0] }
+        });
+        let found = picture.strongest(found, self.options.most, AROUND);
+        let described = Sampled::new(described.as_floats(), DIM, columns, rows).normalised();
+        Ok(picture.features(&found, DIM, |at, row| {
+            described.read(at, row);
+            normalise(row);
+        }))
+    }
+}

@@ -1,0 +1,133 @@
+use std::collections::BTreeSet;
+
+use super::Features;
+use super::retrieval::{Vocabulary, most_alike};
+
+/// Which pictures of a set are compared with each other.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PairOptions {
+    /// Up to this many pictures each is compared with each.
+    pub exhaustive_up_to: usize,
+    /// In larger sets: next pictures of the same sequence that a picture is compared with, besides those 2, 4, 8, … on.
+    pub window: usize,
+    /// In larger sets: other pictures that each is compared with because they look most alike.
+    pub alike: usize,
+    /// In larger sets: pairs (indices, in either order) besides those that are chosen.
+    pub given: Vec<(usize, usize)>,
+    /// For the sample of descriptors by which likeness is judged.
+    pub seed: u64,
+}
+
+impl Default for PairOptions {
+    fn default() -> Self {
+        Self { exhaustive_up_to: 60, window: 10, alike: 10, given: Vec::new(), seed: 0 }
+    }
+}
+
+/// Every pair (first < second) of `n` pictures.
+#[must_use]
+pub fn exhaustive_pairs(n: usize) -> BTreeSet<(usize, usize)> {
+    (0..n).flat_map(|first| (first + 1..n).map(move |second| (first, second))).collect()
+}
+
+/// Every picture of a sequence of `n` with the next `window` ones and with those 2, 4, 8, … further on.
+#[must_use]
+pub fn sequence_pairs(n: usize, window: usize) -> BTreeSet<(usize, usize)> {
+    let doubling = (0..usize::BITS - 1).map(|k| 1 << k).take_while(|&step| window > 0 && step < n);
+    let steps: BTreeSet<usize> = (1..=window).chain(doubling).collect();
+    (0..n)
+        .flat_map(|first| steps.iter().map(move |step| (first, first + step)))
+        .filter(|&(_, second)| second < n)
+        .collect()
+}
+
+/// The pairs of pictures to compare: ascending, first < second. `sequence` tells for each picture which sequence (folder,
+/// film) it belongs to, whose pictures follow each other in the order given; windows do not cross sequences, likeness
+/// does.
+#[must_use]
+pub fn choose_pairs(features: &[&Features], sequence: &[usize], options: &PairOptions) -> Vec<(usize, usize)> {
+    let n = features.len();
+    if n <= options.exhaustive_up_to {
+        return exhaustive_pairs(n).into_iter().collect();
+    }
+    let mut pairs = windows(sequence, options.window);
+    let ordered = options.given.iter().map(|&(a, b)| (a.min(b), a.max(b)));
+    pairs.extend(ordered.filter(|&(first, second)| first < second && second < n));
+    if options.alike > 0 {
+        let pooled = Vocabulary::learn(features, options.seed).pool_all(features);
+        pairs.extend(most_alike(&pooled, options.alike, &pairs));
+    }
+    pairs.into_iter().collect()
+}
+
+/// [`sequence_pairs`] within each sequence.
+fn windows(sequence: &[usize], window: usize) -> BTreeSet<(usize, usize)> {
+    let ids: BTreeSet<usize> = sequence.iter().copied().collect();
+    let mut pairs = BTreeSet::new();
+    for id in ids {
+        let members: Vec<usize> = (0..sequence.len()).filter(|&at| sequence[at] == id).collect();
+        pairs.extend(sequence_pairs(members.len(), window).into_iter().map(|(a, b)| (members[a], members[b])));
+    }
+    pairs
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+    use crate::sfm::Descriptors;
+
+    /// A picture of one of several places, each with descriptors of its own.
+    fn picture(place: u64) -> Features {
+        let mut random = Pcg64Mcg::seed_from_u64(place);
+        Features {
+            width: 10,
+            height: 10,
+            keypoints: vec![DVec2::ZERO; 100],
+            scales_px: Vec::new(),
+            scores: Vec::new(),
+            descriptors: Descriptors::Bytes { dim: 8, values: (0..800).map(|_| random.random()).collect() },
+        }
+    }
+
+    #[test]
+    fn a_sequence_pairs_neighbours_and_doubling_steps() {
+        let pairs = sequence_pairs(20, 3);
+        let of_first: Vec<usize> = pairs.iter().filter(|pair| pair.0 == 0).map(|pair| pair.1).collect();
+        assert_eq!(of_first, [1, 2, 3, 4, 8, 16]);
+        assert!(pairs.iter().all(|&(a, b)| a < b && b < 20));
+        assert!(sequence_pairs(1, 3).is_empty() && sequence_pairs(9, 0).is_empty());
+    }
+
+    #[test]
+    fn small_sets_are_compared_in_full() {
+        let set: Vec<Features> = (0..4).map(picture).collect();
+        let pairs = choose_pairs(&set.iter().collect::<Vec<_>>(), &[0, 1, 2, 3], &PairOptions::default());
+        assert_eq!(pairs, [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]);
+    }
+
+    #[test]
+    fn windows_stay_in_their_sequence_but_likeness_does_not() {
+        // Two folders, pictures taken in turn; only pictures 0 and 7 show the same thing.
+        let set = [0, 1, 1, 2, 2, 3, 3, 0].map(picture);
+        let set: Vec<&Features> = set.iter().collect();
+        let options = PairOptions { exhaustive_up_to: 0, window: 1, alike: 0, ..PairOptions::default() };
+        let sequence = [0, 1, 0, 1, 0, 1, 0, 1];
+        let near = choose_pairs(&set, &sequence, &options);
+        assert_eq!(near, [(0, 2), (0, 4), (1, 3), (1, 5), (2, 4), (2, 6), (3, 5), (3, 7), (4, 6), (5, 7)]);
+        let alike = choose_pairs(&set, &sequence, &PairOptions { alike: 1, ..options });
+        assert!(near.iter().chain(&[(0, 7)]).all(|pair| alike.contains(pair)), "{alike:?}");
+    }
+
+    #[test]
+    fn given_pairs_come_besides_the_others() {
+        let set: Vec<Features> = (0..4).map(picture).collect();
+        let given = vec![(3, 0), (0, 3), (1, 1), (1, 7)];
+        let options = PairOptions { exhaustive_up_to: 0, window: 1, alike: 0, given, ..PairOptions::default() };
+        let pairs = choose_pairs(&set.iter().collect::<Vec<_>>(), &[0; 4], &options);
+        assert_eq!(pairs, [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]);
+    }
+}

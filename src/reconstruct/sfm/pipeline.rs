@@ -1,0 +1,209 @@
+use std::collections::BTreeMap;
+
+use super::account::{Outcome, outcomes, why_no_start};
+use super::extract::{AllowedPixels, PictureFeatures, extract};
+use super::locate::{Located, Locator};
+use super::result::{error_px, frame_cameras, sparse_points};
+use super::second_chance::{Attempt, second_chance};
+use super::{
+    CameraGroups, FeatureExtractor, FeatureMatcher, Features, KeypointId, MapImage, MapProblem, Mapped, MapperOptions,
+    PairOptions, SfmError, SfmResult, SparseModel, TriedPair, choose_pairs, map, match_pairs, metric_scale,
+};
+use ostra_core::job::Progress;
+use ostra_frames::{Frame, FrameStore, PictureSource};
+
+/// What structure from motion is to do.
+pub struct SfmRequest<'a> {
+    /// All frames of the project.
+    pub frames: &'a [Frame],
+    /// Numbers of those that make the map, ascending.
+    pub mapped: &'a [usize],
+    /// Numbers of those that are then placed in it, ascending.
+    pub located: &'a [usize],
+    /// Whether poses that frames have stay as they are; else all are found anew.
+    pub keep_poses: bool,
+    /// Where features may lie.
+    pub allowed: AllowedPixels<'a>,
+    /// Finds features.
+    pub extractor: &'a dyn FeatureExtractor,
+    /// Matches them.
+    pub matcher: &'a dyn FeatureMatcher,
+    /// Which pairs are matched, by place among the mapped frames.
+    pub pairs: PairOptions,
+    /// How the map is grown.
+    pub mapper: MapperOptions,
+}
+
+/// Cameras and sparse points from pictures: features, matches, incremental mapping; then the frames between are placed
+/// in the map, and the scale is taken from depth where there is any and no pose was given. Stopped while it maps or
+/// later, it gives what it has by then.
+///
+/// # Errors
+/// [`SfmError::NoStart`] with the reason where nothing can be placed; where the extractor or the matcher fails; when
+/// stopped before anything was placed.
+pub fn structure_from_motion(
+    request: &SfmRequest<'_>,
+    store: &FrameStore,
+    progress: &Progress,
+) -> Result<SfmResult, SfmError> {
+    progress.stage("find features")?;
+    let frames = request.frames;
+    let pictures = extract(frames, request.mapped, store, request.extractor, request.allowed, progress)?;
+    progress.stage("match")?;
+    let chosen: Vec<&Frame> = request.mapped.iter().map(|&number| &frames[number]).collect();
+    let groups = CameraGroups::new(&chosen);
+    let (problem, tried) = problem(request, &chosen, &groups, &pictures, progress)?;
+    progress.stage("map")?;
+    let models = map(&problem, &request.mapper, progress)?;
+    let first = Attempt { problem, pictures, tried, models };
+    let Attempt { problem, pictures, tried, models } = second_chance(first, request, store, progress)?;
+    let Some(kept) = models.first() else {
+        progress.check()?;
+        let names: Vec<&str> = chosen.iter().map(|frame| frame.name.as_str()).collect();
+        return Err(SfmError::NoStart(why_no_start(&names, &found(&pictures), &tried)));
+    };
+    let mut result = SfmResult {
+        cameras: frame_cameras(&problem, &kept.model, request.mapped),
+        sparse: sparse_points(&problem, &kept.model, &pictures, request.mapped),
+        outcomes: account(request, &problem, &pictures, &tried, &models),
+        start: kept.start,
+        models: models.iter().map(|mapped| mapped.model.placed().count()).collect(),
+        scale: None,
+        warnings: Vec::new(),
+        methods: [request.extractor.name(), request.matcher.name()],
+        stopped: kept.stopped,
+    };
+    let locator = Locator { request, problem: &problem, model: &kept.model, pictures: &pictures };
+    match finish(&locator, store, &mut result, progress) {
+        // What is kept has its scale all the same: nothing could give it later.
+        Err(SfmError::Stopped(_)) => scale_to_metres(request, store, &mut result, &Progress::default())?,
+        finished => finished?,
+    }
+    result.stopped |= progress.check().is_err();
+    Ok(result)
+}
+
+fn finish(
+    locator: &Locator<'_>,
+    store: &FrameStore,
+    result: &mut SfmResult,
+    progress: &Progress,
+) -> Result<(), SfmError> {
+    let open = locator.request.located.iter().map(|&number| (number, Outcome::NotReached));
+    result.outcomes.extend(open);
+    locate_rest(locator, store, result, progress)?;
+    scale_to_metres(locator.request, store, result, progress)
+}
+
+fn problem(
+    request: &SfmRequest<'_>,
+    chosen: &[&Frame],
+    groups: &CameraGroups,
+    pictures: &[PictureFeatures],
+    progress: &Progress,
+) -> Result<(MapProblem, Vec<TriedPair>), SfmError> {
+    let features: Vec<&Features> = pictures.iter().map(|picture| &picture.features).collect();
+    let pairs = choose_pairs(&features, &sequences(chosen), &request.pairs);
+    let cameras: Vec<_> = groups.camera_of.iter().map(|&camera| groups.cameras[camera]).collect();
+    let tried = match_pairs(&features, &cameras, &pairs, request.matcher, request.mapper.seed, progress)?;
+    let images = chosen.iter().zip(pictures).zip(&groups.camera_of).map(|((frame, picture), &camera)| MapImage {
+        camera,
+        keypoints: picture.features.keypoints.clone(),
+        given: frame.posed_camera().filter(|_| request.keep_poses).map(|(_, pose)| *pose),
+    });
+    let pairs = tried.iter().filter_map(|pair| pair.verified.clone()).collect();
+    Ok((MapProblem { cameras: groups.cameras.clone(), images: images.collect(), pairs }, tried))
+}
+
+/// Number of the folder or film that each frame comes from.
+fn sequences(frames: &[&Frame]) -> Vec<usize> {
+    let mut places = Vec::new();
+    let place = |frame: &&Frame| match &frame.picture {
+        PictureSource::File { path, .. } => path.parent().unwrap_or(path).to_path_buf(),
+        PictureSource::Film { path, .. } => path.clone(),
+    };
+    let number = |frame| {
+        let place = place(frame);
+        places.iter().position(|known| *known == place).unwrap_or_else(|| {
+            places.push(place);
+            places.len() - 1
+        })
+    };
+    frames.iter().map(number).collect()
+}
+
+fn account(
+    request: &SfmRequest<'_>,
+    problem: &MapProblem,
+    pictures: &[PictureFeatures],
+    tried: &[TriedPair],
+    models: &[Mapped],
+) -> BTreeMap<usize, Outcome> {
+    let placed = |image: usize| residual(problem, &models.first()?.model, image);
+    let outcomes = outcomes(request.mapped, &found(pictures), tried, models, &request.mapper, &placed);
+    request.mapped.iter().copied().zip(outcomes).collect()
+}
+
+/// Features of each picture, or why it cannot be read.
+fn found(pictures: &[PictureFeatures]) -> Vec<Result<usize, String>> {
+    let one = |picture: &PictureFeatures| picture.unreadable.clone().map_or(Ok(picture.features.keypoints.len()), Err);
+    pictures.iter().map(one).collect()
+}
+
+/// Points that an image sees and the median of their reprojection errors in pixels; `None` where it is not placed.
+fn residual(problem: &MapProblem, model: &SparseModel, image: usize) -> Option<(usize, f64)> {
+    model.poses[image]?;
+    let keypoints =
+        (0..problem.images[image].keypoints.len() as u32).map(|index| KeypointId { image: image as u32, index });
+    let mut errors: Vec<f64> = keypoints
+        .filter_map(|keypoint| {
+            let point = model.point(model.point_of(keypoint)?)?;
+            Some(error_px(problem, model, keypoint, point.position))
+        })
+        .collect();
+    errors.sort_unstable_by(f64::total_cmp);
+    Some((errors.len(), errors.get(errors.len() / 2).copied().unwrap_or(0.0)))
+}
+
+fn locate_rest(
+    locator: &Locator<'_>,
+    store: &FrameStore,
+    result: &mut SfmResult,
+    progress: &Progress,
+) -> Result<(), SfmError> {
+    let (frames, located) = (locator.request.frames, locator.request.located);
+    if located.is_empty() {
+        return Ok(());
+    }
+    progress.stage("place the frames between")?;
+    for (done, &number) in located.iter().enumerate() {
+        progress.step(done, located.len())?;
+        let ahead: Vec<Frame> = located[done + 1..].iter().take(2).map(|&next| frames[next].clone()).collect();
+        store.prefetch(&ahead);
+        let Located { camera, outcome } = locator.locate(number, store)?;
+        result.cameras.extend(camera.map(|camera| (number, camera)));
+        result.outcomes.insert(number, outcome);
+    }
+    Ok(())
+}
+
+/// Depth gives the unit, unless given poses have one.
+fn scale_to_metres(
+    request: &SfmRequest<'_>,
+    store: &FrameStore,
+    result: &mut SfmResult,
+    progress: &Progress,
+) -> Result<(), SfmError> {
+    let has_unit = request.keep_poses && result.start == super::Start::Given;
+    if has_unit || !request.frames.iter().any(Frame::has_sensor_depth) {
+        return Ok(());
+    }
+    progress.stage("scale")?;
+    let (scale, warning) = metric_scale(request.frames, &result.cameras, &result.sparse, store, progress)?;
+    result.warnings.extend(warning);
+    result.scale = scale;
+    if let Some(scale) = result.scale {
+        result.scale_by(scale.factor);
+    }
+    Ok(())
+}

@@ -1,0 +1,162 @@
+use std::sync::Arc;
+
+use glam::{Mat3, Vec3};
+
+use super::options::Agreement;
+use crate::stereo::DepthEstimate;
+use crate::stereo::patchmatch::{Picture, Plane, Raster, Texture, Transfer};
+
+/// No pixel of a neighbour.
+pub const UNSEEN: u32 = u32::MAX;
+
+/// Another view's depths beside a view.
+#[derive(Debug, Clone)]
+pub struct Neighbour {
+    estimate: Arc<DepthEstimate>,
+    texture: Arc<Texture>,
+    raster: Raster,
+    transfer: Transfer,
+    back: Transfer,
+    /// Inverse depth there, per inverse depth here: `z' = (row · (x, y, 1) / w + t) `.
+    here_from_there: Mat3,
+}
+
+/// A neighbour's pixel that sees what a pixel sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Match {
+    /// The neighbour's pixel, row by row.
+    pub pixel: usize,
+    /// Inverse depth that the neighbour's plane gives along the pixel's own ray.
+    pub inverse_depth: f32,
+    /// The neighbour's normal in the pixel's own camera space.
+    pub normal: Vec3,
+}
+
+impl Neighbour {
+    /// Prepares a neighbour of `view`.
+    #[must_use]
+    pub fn new(view: &Picture, other: &Picture, estimate: Arc<DepthEstimate>) -> Self {
+        let here_from_there = view.camera_from_world.compose(&other.camera_from_world.inverse());
+        Self {
+            estimate,
+            texture: Arc::clone(&other.levels[0]),
+            raster: other.raster(0),
+            transfer: view.transfer(other, 0),
+            back: other.transfer(view, 0),
+            here_from_there: glam::DMat3::from_quat(here_from_there.rotation).as_mat3(),
+        }
+    }
+
+    /// The neighbour's pixel that sees the point of a pixel `(x, y)` at `inverse_depth` with `normal`, where its depth
+    /// agrees: the nearest of the four around the place, else another of them, as thin parts lie between pixels.
+    #[must_use]
+    pub fn matched(
+        &self,
+        (x, y): (f32, f32),
+        inverse_depth: f32,
+        normal: Vec3,
+        agreement: &Agreement,
+    ) -> Option<Match> {
+        let [u, v, z] = self.transfer.apply(x, y, inverse_depth);
+        if z <= 0.0 {
+            return None;
+        }
+        let (u, v) = (u / z, v / z);
+        let (column, row) = ((u + 0.5).floor(), (v + 0.5).floor());
+        let (beside, below) = (2.0 * u.floor() + 1.0 - column, 2.0 * v.floor() + 1.0 - row);
+        let around = [(column, row), (beside, row), (column, below), (beside, below)];
+        let point = Seen { at: (x, y), there: (u, v), inverse_depth, normal };
+        around.into_iter().find_map(|pixel| self.agreeing(&point, pixel, agreement))
+    }
+
+    /// For each pixel of a view of `width · height` pixels what the neighbour sees nearest there: its own pixel,
+    /// [`UNSEEN`] where it sees nothing.
+    #[must_use]
+    pub fn projected(&self, (width, height): (usize, usize)) -> Vec<u32> {
+        let mut seen = vec![UNSEEN; width * height];
+        let mut nearest = vec![0.0; seen.len()];
+        for (pixel, &depth) in self.estimate.depths.iter().enumerate().filter(|&(_, &depth)| depth > 0.0) {
+            let (x, y, inverse_depth) = self.place(pixel, depth);
+            let (column, row) = ((x + 0.5).floor(), (y + 0.5).floor());
+            let is_inside = column >= 0.0 && row >= 0.0 && column < width as f32 && row < height as f32;
+            if !is_inside || inverse_depth <= 0.0 {
+                continue;
+            }
+            let at = row as usize * width + column as usize;
+            if inverse_depth > nearest[at] {
+                (nearest[at], seen[at]) = (inverse_depth, pixel as u32);
+            }
+        }
+        seen
+    }
+
+    /// The surface of one of its pixels as the view sees it; `None` where depth is unknown, and for [`UNSEEN`].
+    #[must_use]
+    pub fn surface(&self, pixel: u32) -> Option<Surface> {
+        let pixel = pixel as usize;
+        let depth = self.estimate.depths.get(pixel).copied().filter(|&depth| depth > 0.0)?;
+        let (_, _, inverse_depth) = self.place(pixel, depth);
+        let normal = self.here_from_there * self.estimate.normal(pixel);
+        Some(Surface { inverse_depth, normal, confidence: self.estimate.confidence[pixel] })
+    }
+
+    /// How far a pixel's colour is from that of a pixel of `texture`, squared grey levels.
+    ///
+    /// # Panics
+    /// When the neighbour's picture came without its pixels.
+    #[must_use]
+    pub fn color_difference(&self, pixel: usize, texture: &Texture, at: usize) -> f32 {
+        texture.color_difference(at, &self.texture, pixel)
+    }
+
+    /// Where the view sees a pixel of known depth, and its inverse depth there.
+    fn place(&self, pixel: usize, depth: f32) -> (f32, f32, f32) {
+        let width = self.estimate.width();
+        let [x, y, z] = self.back.apply((pixel % width) as f32, (pixel / width) as f32, 1.0 / depth);
+        (x / z, y / z, 1.0 / (depth * z))
+    }
+
+    /// The neighbour's pixel in a column and row, where it agrees.
+    fn agreeing(&self, point: &Seen, (column, row): (f32, f32), agreement: &Agreement) -> Option<Match> {
+        let (width, height) = (self.estimate.width(), self.estimate.height());
+        if column < 0.0 || row < 0.0 || column >= width as f32 || row >= height as f32 {
+            return None;
+        }
+        let pixel = row as usize * width + column as usize;
+        let depth = self.estimate.depths[pixel];
+        if depth <= 0.0 {
+            return None;
+        }
+        let (u, v) = point.there;
+        let there = self.estimate.normal(pixel);
+        let plane = Plane::from_normal(depth, there, &self.raster, column, row).moved(u - column, v - row);
+        let [s, t, w] = self.back.apply(u, v, plane.inverse_depth);
+        let (s, t) = (s / w - point.at.0, t / w - point.at.1);
+        // Depth here of what is seen there, as a share of the depth here.
+        let ratio = w / plane.inverse_depth * point.inverse_depth;
+        let normal = self.here_from_there * there;
+        let agrees = (ratio - 1.0).abs() <= agreement.depth
+            && s * s + t * t <= agreement.reprojection_px * agreement.reprojection_px
+            && normal.dot(point.normal) >= agreement.normal_cosine;
+        agrees.then(|| Match { pixel, inverse_depth: point.inverse_depth / ratio, normal })
+    }
+}
+
+/// A neighbour's surface as a view sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surface {
+    /// Inverse depth; below 0 behind the view.
+    pub inverse_depth: f32,
+    /// Normal in the view's camera space.
+    pub normal: Vec3,
+    /// How well the neighbour's sources agree with it, 0–255.
+    pub confidence: u8,
+}
+
+/// A pixel's point and where a neighbour sees it.
+struct Seen {
+    at: (f32, f32),
+    there: (f32, f32),
+    inverse_depth: f32,
+    normal: Vec3,
+}

@@ -1,0 +1,13 @@
+//! PatchMatch on a graphics card: the same depths as the processor's, up to the rounding that a card is free to do.
+//!
+//! What is done once a view (random start, mask, hints) stays on the processor.
+
+mod data;
+mod engine;
+mod kernels;
+mod passes;
+mod room;
+#[cfg(test)]
+mod tests;
+
+pub use engine::Engine;

@@ -1,0 +1,44 @@
+use std::sync::Arc;
+
+use super::wall::{picture, pictures, task};
+use super::{Engine, assert_equal, card};
+use crate::stereo::StereoError;
+use crate::stereo::patchmatch::{PatchMatchOptions, Picture};
+use ostra_core::job::Progress;
+
+fn assert_same_search(card: &Engine, pictures: &[Arc<Picture>], what: &str) {
+    let (options, progress) = (PatchMatchOptions::default(), Progress::default());
+    let task = task(pictures, None);
+    let gpu = card.search(&task, &options, &progress).unwrap();
+    assert_equal(card, &Engine::Cpu.search(&task, &options, &progress).unwrap(), &gpu, what);
+}
+
+#[test]
+fn sources_beyond_the_eighth_are_not_looked_at() {
+    let Some(card) = card() else { return };
+    assert_same_search(&card, &pictures(11, (72, 55)), "ten sources");
+}
+
+#[test]
+fn one_source_is_enough() {
+    let Some(card) = card() else { return };
+    assert_same_search(&card, &pictures(2, (97, 64)), "one source");
+}
+
+/// At the coarsest level only one of them can be compared; with a second that is smaller still, none.
+#[test]
+fn sources_of_other_sizes_are_compared_where_they_reach() {
+    let Some(card) = card() else { return };
+    let size = (170, 130);
+    assert_same_search(&card, &[picture(0, size), picture(1, (83, 61)), picture(2, size)], "a smaller source");
+    assert_same_search(&card, &[picture(0, size), picture(1, (83, 61)), picture(2, (70, 50))], "smaller sources");
+}
+
+#[test]
+fn a_stop_is_noticed() {
+    let Some(card) = card() else { return };
+    let (progress, pictures) = (Progress::default(), pictures(2, (72, 55)));
+    progress.stop();
+    let stopped = card.search(&task(&pictures, None), &PatchMatchOptions::default(), &progress);
+    assert!(matches!(stopped, Err(StereoError::Stopped(_))), "{stopped:?}");
+}

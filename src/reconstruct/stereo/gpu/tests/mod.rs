@@ -1,0 +1,45 @@
+//! The graphics card's depths against the processor's.
+
+mod edges;
+mod real;
+mod sizes;
+mod twin;
+mod wall;
+
+use super::Engine;
+use crate::stereo::patchmatch::Found;
+use ostra_compute::gpu::{Device, Software};
+
+/// A device with the programs; `None`, after a printed line, where there is no adapter, which `CI` does not allow.
+fn card() -> Option<Engine> {
+    match Device::open(Software::Allowed) {
+        Ok(device) => Some(Engine::on(device.into()).unwrap()),
+        Err(error) => {
+            assert!(std::env::var_os("CI").is_none(), "{error}");
+            println!("skipped: {error}");
+            None
+        }
+    }
+}
+
+/// Of the pixels that the processor found a plane for, this share, in hundredths, has the same depth within a thousandth.
+/// A real card may round otherwise; the processor itself, with products fused into sums, comes to the same depth for about
+/// 80 to 99 of 100 pixels, depending on texture.
+fn least_equal(card: &Engine) -> usize {
+    match card {
+        Engine::Gpu(kernels) if !kernels.device.is_software() => 70,
+        _ => 99,
+    }
+}
+
+fn assert_equal(card: &Engine, cpu: &Found, gpu: &Found, what: &str) {
+    assert_eq!((cpu.width, cpu.height), (gpu.width, gpu.height), "{what}");
+    let pairs = cpu.planes.iter().zip(&gpu.planes).filter(|(cpu, _)| cpu.inverse_depth > 0.0);
+    let is_near = |cpu: f32, gpu: f32| gpu > 0.0 && (cpu / gpu - 1.0).abs() < 1e-3;
+    let near = pairs.clone().filter(|(cpu, gpu)| is_near(cpu.inverse_depth, gpu.inverse_depth)).count();
+    let (same, all) = (pairs.clone().filter(|(cpu, gpu)| cpu == gpu).count(), pairs.count());
+    println!("{what}: of {all} pixels {near} within 0.1 %, {same} to the bit");
+    assert!(all > 200 && near * 100 >= all * least_equal(card), "{what}: {near} of {all}");
+    let (in_cpu, in_gpu) = (all, gpu.planes.iter().filter(|plane| plane.inverse_depth > 0.0).count());
+    assert!(in_cpu.abs_diff(in_gpu) * 100 <= all * 2, "{what}: {in_cpu} and {in_gpu} pixels have depth");
+}

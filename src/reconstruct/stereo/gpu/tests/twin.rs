@@ -1,0 +1,94 @@
+use std::sync::Arc;
+
+use super::wall::{found, partly_flat, pictures, task};
+use super::{Engine, assert_equal, card};
+use crate::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Round};
+use ostra_core::job::Progress;
+
+/// An odd width and height.
+const SIZE: (u32, u32) = (141, 101);
+
+#[test]
+fn a_search_finds_what_the_processor_finds() {
+    let Some(card) = card() else { return };
+    let pictures = pictures(4, SIZE);
+    let (options, progress) = (PatchMatchOptions::default(), Progress::default());
+    let task = task(&pictures, None);
+    let gpu = card.search(&task, &options, &progress).unwrap();
+    assert_equal(&card, &Engine::Cpu.search(&task, &options, &progress).unwrap(), &gpu, "search");
+}
+
+#[test]
+fn searches_at_once_find_what_they_find_alone() {
+    let Some(card) = card() else { return };
+    let (options, progress) = (PatchMatchOptions::default(), Progress::default());
+    let tasks = [(4, SIZE), (3, SIZE), (3, (64, 90)), (4, SIZE)].map(|(count, size)| pictures(count, size));
+    let search = |pictures: &Vec<Arc<Picture>>| {
+        let task = task(pictures, None);
+        let first = card.search(&task, &options, &progress).unwrap();
+        let others = vec![Some(Arc::new(first.clone())); pictures.len() - 1];
+        let round = Round { start: &first, others: &others, before: 0 };
+        let again = card.search_consistent(&task, &round, &options, &progress).unwrap();
+        (first, again)
+    };
+    let alone = tasks.each_ref().map(search);
+    let at_once = std::thread::scope(|scope| {
+        let threads = tasks.each_ref().map(|pictures| scope.spawn(|| search(pictures)));
+        threads.map(|thread| thread.join().unwrap())
+    });
+    assert!(alone == at_once);
+}
+
+#[test]
+fn a_masked_search_finds_what_the_processor_finds() {
+    let Some(card) = card() else { return };
+    let pictures = pictures(3, SIZE);
+    let (options, progress) = (PatchMatchOptions { seed: 7, ..PatchMatchOptions::default() }, Progress::default());
+    let allowed: Vec<bool> =
+        (0..SIZE.0 * SIZE.1).map(|at| (at % SIZE.0 / 20).is_multiple_of(2) && at / SIZE.0 > 15).collect();
+    let task = task(&pictures, Some(&allowed));
+    let gpu = card.search(&task, &options, &progress).unwrap();
+    assert_equal(&card, &Engine::Cpu.search(&task, &options, &progress).unwrap(), &gpu, "masked");
+    assert!(gpu.planes.iter().zip(&allowed).all(|(plane, &allowed)| allowed || plane.inverse_depth == 0.0));
+}
+
+#[test]
+fn consistent_rounds_find_what_the_processor_finds() {
+    let Some(card) = card() else { return };
+    let pictures = pictures(4, SIZE);
+    let (options, progress) = (PatchMatchOptions::default(), Progress::default());
+    let first = found(&pictures);
+    let known: Vec<Option<Arc<Found>>> = first[1..].iter().map(|found| Some(Arc::clone(found))).collect();
+    let partly = vec![None, known[1].clone(), None];
+    let allowed: Vec<bool> = (0..SIZE.0 * SIZE.1).map(|at| at % SIZE.0 > 60).collect();
+    let cases = [("all known", &known, None), ("some known", &partly, None), ("masked", &known, Some(&allowed[..]))];
+    for (what, others, allowed) in cases {
+        let task = task(&pictures, allowed);
+        for before in 0..2 {
+            let round = Round { start: &first[0], others, before };
+            let gpu = card.search_consistent(&task, &round, &options, &progress).unwrap();
+            let cpu = Engine::Cpu.search_consistent(&task, &round, &options, &progress).unwrap();
+            assert_equal(&card, &cpu, &gpu, &format!("consistent round {before}, {what}"));
+        }
+    }
+}
+
+/// Where there is no texture, both are pulled to the same surface around.
+#[test]
+fn flat_parts_find_what_the_processor_finds() {
+    let Some(card) = card() else { return };
+    let pictures: Vec<_> =
+        (0..3).map(|index| partly_flat(index, SIZE, |x| (x.x - 0.75).abs() < 0.2 && x.y.abs() < 0.4)).collect();
+    let (progress, options) = (Progress::default(), PatchMatchOptions::default());
+    let task = task(&pictures, None);
+    let cpu = Engine::Cpu.search(&task, &options, &progress).unwrap();
+    assert_equal(&card, &cpu, &card.search(&task, &options, &progress).unwrap(), "flat");
+    let without = PatchMatchOptions { prior_weight: 0.0, ..options.clone() };
+    let alone = Engine::Cpu.search(&task, &without, &progress).unwrap();
+    assert!(cpu.planes != alone.planes, "it pulls somewhere");
+    let known: Vec<Option<Arc<Found>>> = found(&pictures)[1..].iter().map(|found| Some(Arc::clone(found))).collect();
+    let round = Round { start: &cpu, others: &known, before: 0 };
+    let again = Engine::Cpu.search_consistent(&task, &round, &options, &progress).unwrap();
+    let gpu = card.search_consistent(&task, &round, &options, &progress).unwrap();
+    assert_equal(&card, &again, &gpu, "flat, consistent");
+}

@@ -1,0 +1,28 @@
+//! PatchMatch stereo: posed pictures → depth, normal and confidence per view → points and the pixels that made them.
+
+mod error;
+pub mod filter;
+pub mod fusion;
+mod gpu;
+mod maps;
+pub mod patchmatch;
+mod pipeline;
+mod range;
+mod raster;
+mod select;
+mod sparse;
+#[cfg(test)]
+mod tests;
+mod tracks;
+
+pub use error::StereoError;
+pub use filter::FilterOptions;
+pub use fusion::{Contributor, DenseCloud, FusedView, FusionOptions, fuse_depths};
+pub use gpu::Engine;
+pub use maps::DepthEstimate;
+pub use pipeline::{
+    DepthStore, MemoryDepths, RasterMask, Stage, StereoOptions, StereoRequest, ViewOutcome, estimate_depths,
+};
+pub use raster::{raster_camera, raster_image};
+pub use select::{SelectOptions, SourceView, select_sources};
+pub use sparse::{SparseOptions, sparse_from_cameras};

@@ -1,0 +1,114 @@
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+
+use super::field::{Color, Field};
+use super::level::Level;
+use super::ncc::WORST;
+use super::plane::Plane;
+use super::visit::{Turn, own_cost, visit};
+use ostra_core::job::{Progress, Stopped};
+
+/// One iteration over a field: all red pixels, then all black ones. Pixels of one colour read only the other's, so the
+/// outcome is the same for any order and number of threads. Pixels that `empty` marks are left as they are.
+///
+/// # Errors
+/// [`Stopped`].
+pub fn sweep(
+    level: &Level<'_>,
+    field: &mut Field,
+    empty: &Empty,
+    turn: Turn,
+    progress: &Progress,
+) -> Result<(), Stopped> {
+    for color in 0..2 {
+        let turn = Turn { visit: 2 * turn.visit + color, ..turn };
+        let (half, [red, black]) = (field.half(), &mut field.colors);
+        let (own, other) = if color == 0 { (red, &*black) } else { (black, &*red) };
+        let Color { planes, costs } = own;
+        debug_assert_eq!(planes.len(), empty[color as usize].len(), "marks of another field");
+        let pixels = planes.par_chunks_mut(half).zip(costs.par_chunks_mut(half));
+        let rows = pixels.zip(empty[color as usize].par_chunks(half)).enumerate();
+        rows.try_for_each(|(y, ((planes, costs), empty))| {
+            progress.check()?;
+            let (first, work) = ((y + color as usize) % 2, Work::Visit { other, turn, empty });
+            Arch::new().dispatch(Row { level, work, planes, costs, y, first });
+            Ok(())
+        })?;
+    }
+    Ok(())
+}
+
+/// Pixels with nothing to be compared, those of each colour as in a [`Field`].
+pub type Empty = [Vec<bool>; 2];
+
+/// Gives every hypothesis of a field its cost, and tells which pixels have nothing to be compared.
+///
+/// # Errors
+/// [`Stopped`].
+pub fn score(level: &Level<'_>, field: &mut Field, progress: &Progress) -> Result<Empty, Stopped> {
+    let half = field.half();
+    let mut empty = [0, 1].map(|color| vec![false; field.colors[color].costs.len()]);
+    for (color, (Color { planes, costs }, empty)) in field.colors.iter_mut().zip(&mut empty).enumerate() {
+        let pixels = planes.par_chunks_mut(half).zip(costs.par_chunks_mut(half));
+        let rows = pixels.zip(empty.par_chunks_mut(half)).enumerate();
+        rows.try_for_each(|(y, ((planes, costs), empty))| {
+            progress.check()?;
+            let (first, work) = ((y + color) % 2, Work::Score { empty });
+            Arch::new().dispatch(Row { level, work, planes, costs, y, first });
+            Ok(())
+        })?;
+    }
+    Ok(empty)
+}
+
+/// A row's pixels of one colour.
+struct Row<'a, 'b> {
+    level: &'a Level<'b>,
+    work: Work<'a>,
+    planes: &'a mut [Plane],
+    costs: &'a mut [f32],
+    y: usize,
+    first: usize,
+}
+
+/// What is done with a row.
+enum Work<'a> {
+    /// Its hypotheses get their costs, and pixels with nothing to be compared a mark.
+    Score { empty: &'a mut [bool] },
+    /// Better hypotheses are looked for where there is no mark.
+    Visit { other: &'a Color, turn: Turn, empty: &'a [bool] },
+}
+
+impl WithSimd for Row<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.run(simd);
+    }
+}
+
+impl Row<'_, '_> {
+    #[inline(always)]
+    fn run<S: Simd>(mut self, simd: S) {
+        let width = self.level.picture.width;
+        let pixels = self.planes.iter_mut().zip(self.costs).enumerate();
+        for (i, (plane, cost)) in pixels {
+            let x = 2 * i + self.first;
+            let allowed = self.level.allowed.is_none_or(|allowed| allowed[self.y * width + x.min(width - 1)]);
+            if x >= width || !allowed {
+                continue;
+            }
+            match &mut self.work {
+                Work::Score { empty } => {
+                    let own = own_cost(simd, self.level, *plane, (x, self.y));
+                    (*cost, empty[i]) = (own.unwrap_or(WORST), own.is_none());
+                }
+                Work::Visit { empty, .. } if empty[i] => {}
+                Work::Visit { other, turn, .. } => {
+                    (*plane, *cost) = visit(simd, self.level, other, *plane, (x, self.y), *turn);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,33 @@
+use std::sync::Arc;
+
+use super::wall::{SIZE, camera, picture};
+use crate::stereo::DepthEstimate;
+use crate::stereo::filter::{FilterOptions, Neighbour, filter};
+
+/// A wall at depth 2 with a strip of three columns at `depth` that is not sure enough to be kept.
+fn with_strip(depth: f32) -> DepthEstimate {
+    let mut wall = DepthEstimate::empty(camera());
+    wall.depths.fill(2.0);
+    wall.normals.fill([0, 0, -127]);
+    wall.confidence.fill(255);
+    for at in 0..wall.depths.len() {
+        if (70..73).contains(&(at % SIZE.0 as usize)) {
+            (wall.depths[at], wall.confidence[at]) = (depth, 0);
+        }
+    }
+    wall
+}
+
+/// With the same picture for a neighbour; what is left out is what is not sure.
+fn filtered(depth: f32) -> DepthEstimate {
+    let (own, picture) = (with_strip(depth), picture(0));
+    let neighbour = Neighbour::new(&picture, &picture, Arc::new(own.clone()));
+    filter(&own, &[neighbour], &FilterOptions::default())
+}
+
+#[test]
+fn a_gap_in_a_wall_is_filled_and_a_thin_part_before_it_is_not() {
+    let strip = |estimate: &DepthEstimate| estimate.depths[60 * SIZE.0 as usize + 71];
+    assert_eq!(strip(&filtered(1.0)), 0.0);
+    assert_eq!(strip(&filtered(3.0)), 2.0);
+}

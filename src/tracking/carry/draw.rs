@@ -1,0 +1,96 @@
+use glam::{Vec2, Vec3};
+
+use super::viewpoint::{Passage, Viewpoint};
+use ostra_core::job::{Progress, Stopped};
+
+/// The nearest surface drawn at a pixel.
+#[derive(Debug, Clone, Copy)]
+pub struct Drawn {
+    /// Depth in the target; infinite where nothing was drawn.
+    pub depth: f32,
+    /// Pixel of the source.
+    pub from: u32,
+}
+
+impl Drawn {
+    pub const NOTHING: Self = Self { depth: f32::INFINITY, from: 0 };
+}
+
+/// Half the largest side of what one pixel is drawn as, in pixels.
+const LARGEST_HALF: f32 = 3.0;
+/// Neighbours whose depths differ by more than this share lie on different surfaces.
+const SAME_SURFACE: f32 = 0.03;
+
+/// A source pixel as the target sees it.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    at_px: Vec2,
+    depth: f32,
+    own_depth: f32,
+}
+
+/// Draws the surfaces of `source` as `target` sees them into `canvas` (a pixel each of the target), the nearest on top;
+/// surfaces that turn their backs are left out.
+pub fn draw(source: &Viewpoint, target: &Viewpoint, canvas: &mut [Drawn], progress: &Progress) -> Result<(), Stopped> {
+    let passage = Passage::new(&source.stand, &target.stand);
+    let (width, height) = (source.width(), source.height());
+    let zoom = (target.stand.camera.focal_px.x / source.stand.camera.focal_px.x) as f32;
+    let see = |at: usize| {
+        let point: Vec3 = source.point(at)?;
+        let moved = passage.transform(point);
+        let at_px = passage.project(moved).filter(|at| at.is_finite())?;
+        Some(Seen { at_px, depth: moved.z, own_depth: point.z })
+    };
+    let mut next: Vec<Option<Seen>> = (0..width).map(&see).collect();
+    for row in 0..height {
+        if row % 32 == 0 {
+            progress.check()?;
+        }
+        let here = next;
+        next =
+            if row + 1 < height { (0..width).map(|x| see((row + 1) * width + x)).collect() } else { vec![None; width] };
+        for x in 0..width {
+            let Some(seen) = here[x] else { continue };
+            let right = here.get(x + 1).copied().flatten();
+            let Some(half) = footprint(seen, right, next[x], zoom) else { continue };
+            fill(canvas, target, seen, half, (row * width + x) as u32);
+        }
+    }
+    Ok(())
+}
+
+/// Half the sides of what a pixel is drawn as, so that it reaches its neighbours on the same surface; `None` for a surface
+/// seen from behind.
+fn footprint(seen: Seen, right: Option<Seen>, below: Option<Seen>, zoom: f32) -> Option<Vec2> {
+    let same = |other: &Seen| (other.own_depth - seen.own_depth).abs() < SAME_SURFACE * seen.own_depth;
+    let plain = Vec2::splat(0.5 * zoom * seen.own_depth / seen.depth);
+    let half = match (right.filter(same), below.filter(same)) {
+        (Some(right), Some(below)) => {
+            let (across, down) = (right.at_px - seen.at_px, below.at_px - seen.at_px);
+            if across.perp_dot(down) <= 0.0 {
+                return None;
+            }
+            0.5 * across.abs().max(down.abs())
+        }
+        (None, None) => return None,
+        _ => plain,
+    };
+    Some((half + 0.25).min(Vec2::splat(LARGEST_HALF)))
+}
+
+fn fill(canvas: &mut [Drawn], target: &Viewpoint, seen: Seen, half: Vec2, from: u32) {
+    let (low, high) = (seen.at_px - half, seen.at_px + half);
+    let (width, height) = (target.width(), target.height());
+    if high.x < 0.0 || high.y < 0.0 || low.x >= width as f32 || low.y >= height as f32 {
+        return;
+    }
+    let (left, right) = (low.x.max(0.0) as usize, (high.x as usize).min(width - 1));
+    let (top, bottom) = (low.y.max(0.0) as usize, (high.y as usize).min(height - 1));
+    for row in top..=bottom {
+        for drawn in &mut canvas[row * width + left..=row * width + right] {
+            if seen.depth < drawn.depth {
+                *drawn = Drawn { depth: seen.depth, from };
+            }
+        }
+    }
+}

@@ -1,0 +1,186 @@
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use super::account::Account;
+use super::ahead::Ahead;
+use super::hold::{Held, hold};
+use super::options::ConstrainOptions;
+use crate::carry::{Testimony, Witnesses};
+use ostra_core::job::{Progress, Stopped};
+use ostra_masks::{Direction, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker, WalkedFrame};
+
+/// One way of a tracker over the frames, held against geometry frame by frame. Where an object strayed, the tracker is
+/// stopped and begins anew with the mended mask as an anchor.
+pub struct Walk<'a> {
+    tracker: &'a dyn Tracker,
+    /// Forward or backward; with the mended masks that the tracker began anew from.
+    request: TrackRequest,
+    /// Frames still to come.
+    pending: BTreeSet<usize>,
+    /// Frames that the tracker passed over since it began.
+    passed: BTreeSet<usize>,
+    /// The frame on which the tracker began anew last.
+    seeded: Option<usize>,
+    witnesses: &'a Witnesses<'a>,
+    ahead: Ahead<'a>,
+    options: &'a ConstrainOptions,
+    progress: &'a Progress,
+}
+
+/// What a walk says of a frame.
+pub struct Answer {
+    pub frame: usize,
+    pub walked: WalkedFrame,
+    /// Frames since the walk last began, at an anchor or at a mended mask.
+    pub steps: usize,
+}
+
+/// Takes the answers of a walk.
+pub type Found<'a> = dyn FnMut(Answer) -> Result<(), Stopped> + 'a;
+
+/// How the tracker ended.
+enum End {
+    /// It was stopped at a frame, to begin anew from this mask there.
+    Seed(usize, LabelMask),
+    /// It is through, with these warnings.
+    Through(Vec<String>),
+}
+
+impl<'a> Walk<'a> {
+    /// A walk to `targets`, which are not empty; `request` goes one way.
+    pub fn new(
+        tracker: &'a dyn Tracker,
+        request: TrackRequest,
+        targets: BTreeSet<usize>,
+        (witnesses, options): (&'a Witnesses<'a>, &'a ConstrainOptions),
+        progress: &'a Progress,
+    ) -> Self {
+        let ahead = Ahead::new(witnesses);
+        Self {
+            tracker,
+            request,
+            pending: targets,
+            passed: BTreeSet::new(),
+            seeded: None,
+            witnesses,
+            ahead,
+            options,
+            progress,
+        }
+    }
+
+    /// Walks to the end; the tracker's warnings. Where it cannot go on after it began anew, the reason is among them.
+    ///
+    /// # Errors
+    /// What the tracker says that does not even begin; [`MaskError::Stopped`].
+    pub fn follow(mut self, account: &mut Account, found: &mut Found<'_>) -> Result<Vec<String>, MaskError> {
+        loop {
+            match self.stretch(account, found) {
+                Ok(End::Seed(frame, mask)) => self.seed(frame, mask, account),
+                Ok(End::Through(warnings)) => return Ok(warnings),
+                Err(error) if self.seeded.is_none() || matches!(error, MaskError::Stopped(_)) => return Err(error),
+                Err(error) => return Ok(vec![error.to_string()]),
+            }
+        }
+    }
+
+    fn seed(&mut self, frame: usize, mask: LabelMask, account: &mut Account) {
+        self.request.anchors.insert(frame, Arc::new(mask));
+        self.seeded = Some(frame);
+        account.seeded.insert(frame);
+        // A tracker that is stopped does not tell of them.
+        account.passed.append(&mut self.passed);
+        self.request.from = self.pending.first().copied().unwrap_or(frame);
+        self.request.to = self.pending.last().copied().unwrap_or(frame);
+    }
+
+    /// Lets the tracker go until an object strayed.
+    fn stretch(&mut self, account: &mut Account, found: &mut Found<'_>) -> Result<End, MaskError> {
+        let (tracker, request, part) = (self.tracker, self.request.clone(), self.progress.part());
+        let mut taken: Result<Option<End>, MaskError> = Ok(None);
+        let mut emit = |tracked: TrackedFrame| {
+            if matches!(taken, Ok(None)) {
+                taken = self.take(tracked, account, found);
+            }
+            if !matches!(taken, Ok(None)) {
+                part.stop();
+            }
+        };
+        let ended = tracker.track(&request, &mut emit, &part);
+        match taken? {
+            Some(seed) => Ok(seed),
+            None => ended.map(End::Through),
+        }
+    }
+
+    fn take(
+        &mut self,
+        tracked: TrackedFrame,
+        account: &mut Account,
+        found: &mut Found<'_>,
+    ) -> Result<Option<End>, MaskError> {
+        let TrackedFrame { frame, mask, confidence, preliminary } = tracked;
+        if preliminary || !self.pending.contains(&frame) {
+            return Ok(None);
+        }
+        self.pass(frame);
+        let (tracked, steps) = (WalkedFrame { mask, confidence }, self.steps(frame));
+        let held = match self.testimony(frame, account)? {
+            Some(testimony) => {
+                let carried = || {
+                    let carried = self.witnesses.carry_to(frame, &testimony, self.progress)?;
+                    Ok(carried.map(|carried| carried.mask))
+                };
+                let held = hold(tracked, &testimony, self.options, carried)?;
+                account.note(frame, held.mended);
+                held
+            }
+            None => Held::untouched(tracked),
+        };
+        let is_rested = self.seeded.is_none_or(|last| last.abs_diff(frame) > self.options.rest);
+        let begins_anew = held.has_strayed && is_rested && !self.pending.is_empty();
+        let seed = begins_anew.then(|| End::Seed(frame, held.walked.mask.clone()));
+        found(Answer { frame, walked: held.walked, steps })?;
+        Ok(seed)
+    }
+
+    /// What geometry says of a frame; `None`, which the account tells, where that cannot be had.
+    fn testimony(&mut self, frame: usize, account: &mut Account) -> Result<Option<Testimony>, MaskError> {
+        let told = match self.request.direction {
+            Direction::Backward => self.ahead.take(frame, self.pending.iter().rev().copied(), self.progress),
+            _ => self.ahead.take(frame, self.pending.iter().copied(), self.progress),
+        };
+        match told {
+            Err(MaskError::Stopped(stopped)) => return Err(stopped.into()),
+            Ok(Some(testimony)) => return Ok(Some(testimony)),
+            Ok(None) => {}
+            Err(error) => account.unread = account.unread.take().or_else(|| Some(error.to_string())),
+        }
+        account.left.insert(frame);
+        Ok(None)
+    }
+
+    /// Frames of the same size that lie before this one on the way will not come any more: they could not be read.
+    fn pass(&mut self, frame: usize) {
+        let frames = &self.request.frames;
+        let size = |frame: usize| (frames[frame].width, frames[frame].height);
+        let is_forward = self.request.direction != Direction::Backward;
+        let is_later = |other: usize| if is_forward { other > frame } else { other < frame };
+        let (pending, passed): (BTreeSet<usize>, BTreeSet<usize>) = std::mem::take(&mut self.pending)
+            .into_iter()
+            .filter(|&other| other != frame)
+            .partition(|&other| is_later(other) || size(other) != size(frame));
+        self.pending = pending;
+        self.passed.extend(passed);
+    }
+
+    /// Frames to where the walk last began.
+    fn steps(&self, frame: usize) -> usize {
+        let anchors = &self.request.anchors;
+        let begun = match self.request.direction {
+            Direction::Backward => anchors.range(frame..).next(),
+            _ => anchors.range(..frame).next_back(),
+        };
+        begun.map_or(1, |(begun, _)| begun.abs_diff(frame))
+    }
+}

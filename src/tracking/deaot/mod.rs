@@ -1,0 +1,18 @@
+//! DeAOT: up to ten objects are carried from picture to picture at once, seen through what was remembered of earlier
+//! ones.
+//!
+//! Yang, Yang: "Decoupling Features in Hierarchical Propagation for Video Object Segmentation", NeurIPS 2022.
+
+mod answer;
+mod group;
+mod memory;
+mod network;
+mod options;
+mod picture;
+#[cfg(test)]
+mod tests;
+mod tracker;
+mod walk;
+
+pub use options::DeaotOptions;
+pub use tracker::Deaot;

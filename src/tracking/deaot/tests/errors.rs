@@ -1,0 +1,22 @@
+//! Networks that are not what is expected.
+
+use super::super::Deaot;
+use super::{runtime, tiny};
+use ostra_compute::nn::{Network, NnError};
+
+#[test]
+fn networks_in_another_order_are_refused() {
+    let Some(runtime) = runtime() else { return };
+    let load = |part: &str| Network::load(&runtime, &tiny().join(format!("deaot-tiny-{part}.onnx")), None).unwrap();
+    let networks = ["encoder", "propagate", "remember", "identify"].map(load);
+    let error = Deaot::new(networks).unwrap_err();
+    assert!(matches!(error, NnError::Mismatch { .. }), "{error}");
+    assert!(error.to_string().contains("expected the input"), "{error}");
+}
+
+#[test]
+fn networks_that_are_not_installed_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = Deaot::load(folder.path()).unwrap_err();
+    assert!(error.to_string().contains("deaot"), "{error}");
+}

@@ -1,0 +1,51 @@
+//! Tests of `masks/onnx/deaot`.
+
+mod errors;
+mod labels;
+mod parity;
+mod tracker;
+
+use std::path::{Path, PathBuf};
+
+use super::{Deaot, DeaotOptions};
+use crate::propagate::Propagated;
+use ostra_compute::nn::{Network, Runtime};
+use ostra_masks::{LabelId, LabelMask};
+
+/// Small networks of random weights with what the official code makes of them (`tests/parity/deaot.py` makes them).
+fn tiny() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity/deaot-tiny")
+}
+
+/// What runs networks; `None`, after a printed line, where it is missing, which `CI` does not allow.
+fn runtime() -> Option<Runtime> {
+    let found = Runtime::find();
+    assert!(found.is_ok() || std::env::var_os("CI").is_none(), "{}", found.unwrap_err());
+    found.inspect_err(|error| println!("skipped: {error}")).ok()
+}
+
+/// The networks of four files in a folder.
+fn networks(folder: &Path, files: &[String; 4]) -> Option<Deaot> {
+    let runtime = runtime()?;
+    let load = |file: &String| Network::load(&runtime, &folder.join(file), None).unwrap();
+    Some(Deaot::new(files.each_ref().map(load)).unwrap())
+}
+
+fn tiny_networks(options: DeaotOptions) -> Option<Deaot> {
+    let files = ["encoder", "remember", "propagate", "identify"].map(|part| format!("deaot-tiny-{part}.onnx"));
+    let mut deaot = networks(&tiny(), &files)?;
+    deaot.options = options;
+    Some(deaot)
+}
+
+/// The most probable label of every pixel.
+fn winner(of: &Propagated) -> LabelMask {
+    let pixels = of.width * of.height;
+    let labels = [&[LabelId::NONE], of.labels.as_slice()].concat();
+    let value = |number: usize, at: usize| of.probabilities[number * pixels + at];
+    let best = |at: usize| {
+        (1..labels.len()).fold(0, |best, number| if value(number, at) > value(best, at) { number } else { best })
+    };
+    let ids = (0..pixels).map(|at| labels[best(at)]).collect();
+    LabelMask { width: of.width as u32, height: of.height as u32, ids }
+}

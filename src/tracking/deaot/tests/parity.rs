@@ -1,0 +1,183 @@
+//! Every logit and mask beside the official implementation on the same random weights (`tests/parity/deaot.py`).
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use super::super::network::OBJECTS;
+use super::super::walk::Walk;
+use super::super::{Deaot, DeaotOptions};
+use super::{networks, tiny};
+use crate::propagate::Propagator;
+use ostra_core::job::Progress;
+use ostra_frames::Image;
+use ostra_masks::{LabelId, LabelMask};
+
+/// In standard deviations of the logits.
+const TOLERANCE: f64 = 1e-2;
+/// Least share of pixels with the same label.
+const ALIKE: f64 = 0.999;
+
+#[derive(Deserialize)]
+struct Reference {
+    networks: [String; 4],
+    frames: usize,
+    cases: Vec<Case>,
+}
+
+#[derive(Deserialize)]
+struct Case {
+    name: String,
+    /// The mask told in a picture.
+    told: BTreeMap<usize, String>,
+    /// Of the logits.
+    deviation: f64,
+    /// After the first.
+    frames: Vec<FrameReference>,
+}
+
+#[derive(Deserialize)]
+struct FrameReference {
+    /// Logits of nothing and of the objects of each group; not stored for every picture.
+    groups: Vec<Place>,
+    mask: String,
+}
+
+/// Where a tensor lies in `reference.bin`.
+#[derive(Deserialize)]
+struct Place {
+    start: usize,
+    shape: [usize; 3],
+}
+
+/// A folder that `tests/parity/deaot.py` wrote.
+struct Folder {
+    path: PathBuf,
+    reference: Reference,
+    values: Vec<f32>,
+}
+
+/// How far a walk is from the reference.
+#[derive(Debug, Default)]
+struct Difference {
+    /// Largest of a logit, in standard deviations.
+    logits: f64,
+    /// Largest share of pixels of a picture with another label.
+    labels: f64,
+    /// Least and largest share of a picture that an object covers.
+    covers: Option<(f64, f64)>,
+}
+
+impl Folder {
+    fn open(path: &Path) -> Self {
+        let reference = serde_json::from_slice(&std::fs::read(path.join("reference.json")).unwrap()).unwrap();
+        let bytes = std::fs::read(path.join("reference.bin")).unwrap();
+        let values = bytes.chunks_exact(4).map(|word| f32::from_le_bytes(word.try_into().unwrap())).collect();
+        Self { path: path.to_owned(), reference, values }
+    }
+
+    fn picture(&self, at: usize) -> Image {
+        let picture = image::open(self.path.join(format!("frame-{at}.png"))).unwrap().to_rgb8();
+        let pixels = picture.pixels().map(|pixel| pixel.0).collect();
+        Image { width: picture.width(), height: picture.height(), pixels }
+    }
+
+    fn mask(&self, name: &str) -> LabelMask {
+        let mask = image::open(self.path.join(name)).unwrap().to_luma8();
+        let ids = mask.pixels().map(|pixel| LabelId(pixel.0[0].into())).collect();
+        LabelMask { width: mask.width(), height: mask.height(), ids }
+    }
+
+    fn tensor(&self, place: &Place) -> &[f32] {
+        &self.values[place.start..][..place.shape.iter().product()]
+    }
+
+    /// Walks as the reference did, through pictures changed by `seen`.
+    fn walk(&self, deaot: &Deaot, case: &Case, seen: fn(Image) -> Image) -> Difference {
+        let progress = Progress::default();
+        let mut walk = deaot.walk(&progress);
+        let mut difference = Difference::default();
+        for at in 0..self.reference.frames {
+            let image = seen(self.picture(at));
+            if let Some(expected) = at.checked_sub(1).map(|before| &case.frames[before]) {
+                let propagated = walk.propagate(&image).unwrap();
+                self.compare_logits(case, expected, &walk, &mut difference);
+                let found = super::winner(&propagated);
+                compare_masks(&self.mask(&expected.mask), &found, &mut difference);
+            }
+            if let Some(told) = case.told.get(&at) {
+                walk.remember(&image, &self.mask(told)).unwrap();
+            }
+        }
+        difference
+    }
+
+    fn compare_logits(&self, case: &Case, expected: &FrameReference, walk: &Walk<'_>, difference: &mut Difference) {
+        let found = walk.last_logits();
+        assert!(expected.groups.is_empty() || expected.groups.len() == found.len());
+        for (place, found) in expected.groups.iter().zip(&found) {
+            let [_, rows, columns] = place.shape;
+            assert_eq!(found.shape(), [1, OBJECTS + 1, rows, columns]);
+            let pairs = self.tensor(place).iter().zip(found.as_floats());
+            let largest = pairs.map(|(&a, &b)| f64::from(a - b).abs()).fold(0.0, f64::max);
+            difference.logits = difference.logits.max(largest / case.deviation);
+        }
+    }
+}
+
+fn compare_masks(expected: &LabelMask, found: &LabelMask, difference: &mut Difference) {
+    let count = expected.ids.len() as f64;
+    let others = expected.ids.iter().zip(&found.ids).filter(|(a, b)| a != b).count();
+    difference.labels = difference.labels.max(others as f64 / count);
+    let last = expected.ids.iter().max().map_or(0, |label| label.0);
+    for label in 1..=last {
+        let share = expected.region(LabelId(label)).area() as f64 / count;
+        let (least, most) = difference.covers.unwrap_or((1.0, 0.0));
+        difference.covers = Some((share.min(least), share.max(most)));
+    }
+}
+
+/// The folder committed here, or the one that `OSTRA_PARITY_DEAOT` names.
+fn folder() -> Folder {
+    Folder::open(&std::env::var_os("OSTRA_PARITY_DEAOT").map_or_else(tiny, PathBuf::from))
+}
+
+#[test]
+fn every_logit_and_mask_is_that_of_the_reference() {
+    let folder = folder();
+    let Some(deaot) = networks(&folder.path, &folder.reference.networks) else { return };
+    for case in &folder.reference.cases {
+        let found = folder.walk(&deaot, case, |image| image);
+        println!("{}: {found:?}, deviation {:.2}, {} pictures", case.name, case.deviation, case.frames.len());
+        assert!(found.logits < TOLERANCE && 1.0 - found.labels >= ALIKE, "{}: {found:?}", case.name);
+        let (least, most) = found.covers.unwrap();
+        let is_fair = case.name != "three" || least >= 0.02 && most <= 0.6;
+        assert!(is_fair, "an empty or full mask proves nothing");
+    }
+}
+
+#[test]
+fn blue_for_red_half_a_pixel_and_no_memory_are_noticed() {
+    let folder = Folder::open(&tiny());
+    let Some(mut deaot) = networks(&folder.path, &folder.reference.networks) else { return };
+    let case = &folder.reference.cases[0];
+    let swapped = folder.walk(&deaot, case, |mut image| {
+        image.pixels.iter_mut().for_each(|pixel| pixel.reverse());
+        image
+    });
+    assert!(swapped.logits > 10.0 * TOLERANCE, "blue for red: {swapped:?}");
+    let shifted = folder.walk(&deaot, case, |mut image| {
+        for row in image.pixels.chunks_exact_mut(image.width as usize) {
+            for x in 1..row.len() {
+                row[x - 1] = std::array::from_fn(|channel| row[x - 1][channel].midpoint(row[x][channel]));
+            }
+        }
+        image
+    });
+    assert!(shifted.logits > 10.0 * TOLERANCE, "half a pixel to the left: {shifted:?}");
+    deaot.options = DeaotOptions { remembered_every: usize::MAX, ..deaot.options };
+    let forgotten = folder.walk(&deaot, case, |image| image);
+    println!("faults: {:.2}, {:.2}, {:.2}", swapped.logits, shifted.logits, forgotten.logits);
+    assert!(forgotten.logits > 10.0 * TOLERANCE, "only the first picture remembered for long: {forgotten:?}");
+}

@@ -1,0 +1,55 @@
+//! The tracker, with small networks of random weights.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::super::DeaotOptions;
+use super::labels::{mask, picture};
+use super::{tiny_networks, winner};
+use crate::propagate::Propagator;
+use ostra_core::job::Progress;
+use ostra_frames::{Frame, FrameStore, Orientation, PictureSource};
+use ostra_masks::{Direction, LabelMask, TrackRequest, Tracker};
+
+/// The pictures from 0 to `last` in files.
+fn frames(folder: &Path, last: u32) -> Vec<Frame> {
+    let one = |at: u32| {
+        let (path, picture) = (folder.join(format!("{at}.png")), picture(at));
+        let pixels = picture.pixels.as_flattened().to_vec();
+        image::RgbImage::from_raw(picture.width, picture.height, pixels).unwrap().save(&path).unwrap();
+        let source = PictureSource::File { path, orientation: Orientation::default() };
+        let (width, height) = (picture.width, picture.height);
+        Frame { name: at.to_string(), width, height, picture: source, depth: None, camera: None }
+    };
+    (0..=last).map(one).collect()
+}
+
+#[test]
+fn masks_go_both_ways_from_an_anchor() {
+    let Some(deaot) = tiny_networks(DeaotOptions::default()) else { return };
+    let (folder, progress) = (tempfile::tempdir().unwrap(), Progress::default());
+    let anchor = mask(&[(1, 26, 51), (2, 70, 100)]);
+    let request = TrackRequest {
+        frames: Arc::new(frames(folder.path(), 4)),
+        store: Arc::new(FrameStore::new(1 << 20)),
+        anchors: BTreeMap::from([(2, Arc::new(anchor.clone()))]),
+        from: 0,
+        to: 4,
+        direction: Direction::Both,
+        labels: None,
+    };
+    let mut found: BTreeMap<usize, LabelMask> = BTreeMap::new();
+    let warnings = deaot.track(&request, &mut |given| drop(found.insert(given.frame, given.mask)), &progress).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let mut expected = BTreeMap::new();
+    for way in [[3, 4], [1, 0]] {
+        let mut walk = deaot.walk(&progress);
+        walk.remember(&picture(2), &anchor).unwrap();
+        for at in way {
+            expected.insert(at as usize, winner(&walk.propagate(&picture(at)).unwrap()));
+        }
+    }
+    assert_eq!(found, expected);
+    assert_eq!(deaot.name(), "deaot");
+}

@@ -1,0 +1,191 @@
+use glam::{Affine2, Vec2};
+
+use super::memory::Recalled;
+use super::object::{Object, Prediction};
+use super::options::FlowOptions;
+use super::plane::Plane;
+use super::votes::{Source, Vote, Way, votes};
+use super::walk::{Beyond, Change};
+use ostra_masks::cut::Window;
+use ostra_masks::{Region, squared_distance_to};
+
+/// The expected shape is where the expectation is above this.
+pub(super) const SHAPE: f32 = 0.4;
+/// Odds of a pixel out of the object's reach.
+const NEVER: f32 = -6.0;
+/// Largest odds from the flow and from motion.
+const MOST_FLOW: f32 = 3.0;
+const MOST_MOTION: f32 = 1.5;
+/// Spread of motion around the object's and the background's, in pixels, besides what is measured.
+const OBJECT_SPREAD_PX: f32 = 0.7;
+const BACKGROUND_SPREAD_PX: f32 = 0.5;
+/// How far from where flow or the object's motion puts them patches that are alike are looked for, in pixels.
+const FLOW_REACH: usize = 3;
+const OBJECT_REACH: usize = 4;
+/// Share of pixels whose motion is neither's.
+const STRAY: f32 = 0.05;
+
+/// What speaks for and against each pixel of a window being an object's.
+pub(super) struct Evidence {
+    pub window: Window,
+    /// Natural logarithm of the odds, row by row.
+    pub odds: Vec<f32>,
+    /// What of them, not weighed yet, the motion says.
+    pub motion: Vec<f32>,
+}
+
+/// What is seen of the next frame and around it.
+pub(super) struct Sight<'a> {
+    pub change: &'a Change,
+    pub beyond: Option<&'a Beyond<'a>>,
+    pub recalled: Option<&'a Recalled>,
+}
+
+/// Sums up what flow, place, colours, motion and the memory say, and the patches of both neighbouring frames.
+pub(super) fn evidence(
+    object: &Object,
+    prediction: &Prediction,
+    &Sight { change, beyond, recalled }: &Sight<'_>,
+    options: &FlowOptions,
+) -> Evidence {
+    let (width, height) = (change.next.width, change.next.height);
+    let reach = options.reach * object.area().sqrt() + 4.0;
+    let Some(window) = window_of(&prediction.expected, reach) else {
+        return Evidence {
+            window: Window { left: 0, top: 0, right: 0, bottom: 0 },
+            odds: Vec::new(),
+            motion: Vec::new(),
+        };
+    };
+    let distances = distances(&prediction.expected, window);
+    let fade = object.area().sqrt() / 10.0 + 2.0;
+    let (first, last) = object.color_odds();
+    let motion = motion_odds(prediction, change);
+    debug_assert!(window.right <= width && window.bottom <= height);
+    let motion: Vec<f32> = window
+        .places(width)
+        .map(|at| change.reliable.values[at] * motion(Vec2::new((at % width) as f32, (at / width) as f32), at))
+        .collect();
+    let shape_weight = options.shape_weight * object.nearness();
+    let memory = recalled.map(|recalled| recalled.odds(object.id));
+    let votes = beyond.and_then(|beyond| votes_of_both(object, prediction, (change, beyond), window));
+    let odds = window.places(width).enumerate().zip(distances).zip(&motion).map(|(((nth, at), distance), motion)| {
+        if distance > reach {
+            return NEVER;
+        }
+        let trust = prediction.trust.values[at];
+        let reliable = change.reliable.values[at];
+        let expected = prediction.expected.values[at];
+        let flow = ((trust + 0.02) / (1.0 - trust + 0.02)).ln().clamp(-MOST_FLOW, MOST_FLOW);
+        let place = if expected > SHAPE { expected } else { (-distance / fade).max(-4.0) };
+        let bin = usize::from(change.next.bins[at]);
+        let shape = if expected > SHAPE { shape_weight * expected } else { 0.0 };
+        options.flow_weight * reliable * flow - (options.doubt_weight - shape) * (1.0 - reliable)
+            + options.place_weight * place
+            + options.first_color_weight * first[bin]
+            + options.last_color_weight * last[bin]
+            + options.motion_weight * motion
+            + votes.as_ref().map_or(0.0, |votes| options.vote_weight * votes[nth].odds())
+            + memory
+                .as_ref()
+                .map_or(0.0, |odds| options.memory_weight * odds(Vec2::new((at % width) as f32, (at / width) as f32)))
+    });
+    let odds = odds.collect();
+    Evidence { window, odds, motion }
+}
+
+/// What the patches of the last frame and of the one beyond say: of where flow comes from, and of where the object does if
+/// it goes on as it moves now. `None` where the frame beyond does not show the object: nobody may have looked for it there.
+fn votes_of_both(
+    object: &Object,
+    prediction: &Prediction,
+    (change, beyond): (&Change, &Beyond<'_>),
+    window: Window,
+) -> Option<Vec<Vote>> {
+    let there = beyond.mask.region(object.id);
+    if there.is_empty() {
+        return None;
+    }
+    let own = Plane::of_mask(change.next.width, change.next.height, &object.mask().inside);
+    let share_beyond = Plane::of_mask(change.next.width, change.next.height, &there.inside);
+    let last =
+        |way, reach| Source { picture: &change.last, share: &own, way, reach, weight: 2.0 * (1.0 - beyond.share) };
+    let next = |way, reach| Source {
+        picture: &beyond.change.next,
+        share: &share_beyond,
+        way,
+        reach,
+        weight: 2.0 * beyond.share,
+    };
+    let sources = [
+        last(Way::Flow(&change.backward), FLOW_REACH),
+        last(Way::Motion(prediction.motion.inverse()), OBJECT_REACH),
+        next(Way::Flow(&beyond.change.forward), FLOW_REACH),
+        next(Way::Motion(prediction.motion), OBJECT_REACH),
+    ];
+    Some(votes(&change.next, window, &sources))
+}
+
+/// The pixels within reach of the expected shape; `None` when nothing is expected.
+fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
+    let (width, height) = (expected.width, expected.height);
+    let mut found: Option<Window> = None;
+    for (at, _) in expected.values.iter().enumerate().filter(|(_, value)| **value > SHAPE) {
+        let (x, y) = (at % width, at / width);
+        let window = found.get_or_insert(Window { left: x, top: y, right: x + 1, bottom: y + 1 });
+        window.left = window.left.min(x);
+        window.right = window.right.max(x + 1);
+        window.bottom = y + 1;
+    }
+    let reach = reach.ceil() as usize + 1;
+    found.map(|window| Window {
+        left: window.left.saturating_sub(reach),
+        top: window.top.saturating_sub(reach),
+        right: (window.right + reach).min(width),
+        bottom: (window.bottom + reach).min(height),
+    })
+}
+
+/// Distance in pixels of each of the window's pixels from the expected shape.
+fn distances(expected: &Plane, window: Window) -> Vec<f32> {
+    let inside = window.places(expected.width).map(|at| expected.values[at] > SHAPE).collect();
+    let region = Region { width: window.width() as u32, height: window.height() as u32, inside };
+    squared_distance_to(&region).into_iter().map(|squared| (squared as f32).sqrt()).collect()
+}
+
+/// The odds of moving like the object rather than like the background, by pixel; 0 where both move alike.
+fn motion_odds<'a>(prediction: &Prediction, change: &'a Change) -> impl Fn(Vec2, usize) -> f32 + use<'a> {
+    let back: Affine2 = prediction.motion.inverse();
+    let off_object =
+        move |at: Vec2, place: usize| (back.transform_point2(at) - at).distance(change.backward.vectors[place]);
+    let background = change.background;
+    let off_background = move |at: Vec2, place: usize| {
+        background.map_or(0.0, |motion| motion.displacement(at).distance(change.backward.vectors[place]))
+    };
+    let width = change.next.width;
+    let own = prediction.warped.values.iter().enumerate().filter(|(_, value)| **value > 0.5);
+    let own: Vec<(Vec2, usize)> =
+        own.map(|(at, _)| (Vec2::new((at % width) as f32, (at / width) as f32), at)).collect();
+    let object_spread = median(own.iter().map(|&(p, at)| off_object(p, at))) + OBJECT_SPREAD_PX;
+    let apart = median(own.iter().map(|&(p, at)| off_background(p, at)));
+    let weight = ((apart - 2.0 * change.background_noise - 0.5) / 1.5).clamp(0.0, 1.0);
+    let background_spread = change.background_noise + BACKGROUND_SPREAD_PX;
+    move |at, place| {
+        if weight == 0.0 {
+            return 0.0;
+        }
+        let own = (-off_object(at, place) / object_spread).exp() + STRAY;
+        let other = (-off_background(at, place) / background_spread).exp() + STRAY;
+        weight * (own / other).ln().clamp(-MOST_MOTION, MOST_MOTION)
+    }
+}
+
+/// The middle value; 0 of none.
+pub(super) fn median(values: impl Iterator<Item = f32>) -> f32 {
+    let mut values: Vec<f32> = values.collect();
+    let middle = values.len() / 2;
+    if values.is_empty() {
+        return 0.0;
+    }
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+}

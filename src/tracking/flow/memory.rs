@@ -1,0 +1,207 @@
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use glam::Vec2;
+use rayon::prelude::*;
+use wide::f32x8;
+
+use super::plane::Plane;
+use ostra_masks::{LabelId, LabelMask, MaskError};
+
+/// Describes a picture cell by cell, so that a part of a thing is described alike in every picture of it.
+pub trait Describer: Debug + Send + Sync {
+    /// Descriptions of a picture's cells; `grey` is row by row, 0–1, and `size` its columns and rows.
+    ///
+    /// # Errors
+    /// [`MaskError::Network`] where a network behind it fails.
+    fn describe(&self, grey: &[f32], size: (usize, usize)) -> Result<Description, MaskError>;
+}
+
+/// What the cells of a picture look like.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Description {
+    /// Cells along the picture.
+    pub columns: usize,
+    /// Cells down the picture.
+    pub rows: usize,
+    /// Side of a cell in pixels; those at the right and lower border may reach beyond it.
+    pub cell_px: usize,
+    /// [`Self::DIM`] values of length 1 per cell, row by row.
+    pub values: Vec<[f32x8; 8]>,
+}
+
+impl Description {
+    /// Values per cell.
+    pub const DIM: usize = 64;
+
+    /// From planes of values, one value per cell: `[DIM, plane_rows, plane_columns]`, of which the first `columns` and
+    /// `rows` show the picture.
+    #[must_use]
+    pub fn of_planes(
+        planes: &[f32],
+        (plane_columns, plane_rows): (usize, usize),
+        size: (usize, usize),
+        cell_px: usize,
+    ) -> Self {
+        let (columns, rows) = (size.0.div_ceil(cell_px), size.1.div_ceil(cell_px));
+        let cells = plane_columns * plane_rows;
+        let values = (0..columns * rows).map(|cell| {
+            let at = cell / columns * plane_columns + cell % columns;
+            let values: [f32; Self::DIM] = std::array::from_fn(|channel| planes[channel * cells + at]);
+            let length = values.iter().map(|value| value * value).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
+            std::array::from_fn(|part| f32x8::from(std::array::from_fn(|k| values[part * 8 + k] / length)))
+        });
+        Self { columns, rows, cell_px, values: values.collect() }
+    }
+
+    /// What a value per cell is at a pixel.
+    fn sample(&self, cells: &Plane, at: Vec2) -> f32 {
+        cells.sample((at + 0.5) / self.cell_px as f32 - 0.5)
+    }
+}
+
+/// How many of the cells most alike a cell recalls.
+const RECALLED: usize = 16;
+/// Likeness (cosine) by which a recalled cell counts e times as much.
+const TEMPERATURE: f32 = 0.05;
+/// Likeness of the best recalled cell below which nothing is known of a cell, and from which it counts in full.
+const STRANGE: f32 = 0.75;
+const KNOWN: f32 = 0.95;
+
+/// The cells of anchors with what they show: space-time memory with given features (after Oh, Lee, Xu, Kim, "Video Object
+/// Segmentation using Space-Time Memory Networks", ICCV 2019).
+#[derive(Debug, Clone, Default)]
+pub(super) struct Memory {
+    keys: Vec<[f32x8; 8]>,
+    /// By label, the share of each key's pixels that is the label's.
+    shares: Vec<(LabelId, Vec<f32>)>,
+}
+
+/// What the memory says of a picture.
+pub(super) struct Recalled {
+    description: Arc<Description>,
+    /// By label and cell: natural logarithm of the odds, 0 = nothing known.
+    odds: Vec<(LabelId, Plane)>,
+}
+
+impl Memory {
+    /// Remembers a picture's cells with its mask.
+    pub fn learn(&mut self, description: &Description, mask: &LabelMask) {
+        let known = self.keys.len();
+        self.keys.extend_from_slice(&description.values);
+        let mut labels: Vec<LabelId> = mask.ids.iter().copied().filter(|&id| id != LabelId::NONE).collect();
+        labels.sort_unstable();
+        labels.dedup();
+        for id in labels {
+            if !self.shares.iter().any(|(of, _)| *of == id) {
+                self.shares.push((id, vec![0.0; known]));
+            }
+        }
+        for (id, shares) in &mut self.shares {
+            shares.extend(shares_of(description, mask, *id));
+        }
+    }
+
+    /// What the cells of a picture recall.
+    pub fn recall(&self, description: &Arc<Description>) -> Recalled {
+        let (columns, rows) = (description.columns, description.rows);
+        let recalled: Vec<Vec<f32>> = description.values.par_iter().map(|cell| self.odds_of(cell)).collect();
+        let plane = |place: usize| Plane {
+            width: columns,
+            height: rows,
+            values: recalled.iter().map(|odds| odds[place]).collect(),
+        };
+        let odds = self.shares.iter().enumerate().map(|(place, (id, _))| (*id, plane(place))).collect();
+        Recalled { description: Arc::clone(description), odds }
+    }
+
+    /// The odds of each label in a cell.
+    fn odds_of(&self, cell: &[f32x8; 8]) -> Vec<f32> {
+        let best = most_alike(&self.keys, cell);
+        let top = best.first().map_or(0.0, |(likeness, _)| *likeness);
+        let known = ((top - STRANGE) / (KNOWN - STRANGE)).clamp(0.0, 1.0);
+        let weight = |likeness: f32| ((likeness - top) / TEMPERATURE).exp();
+        let sum: f32 = best.iter().map(|(likeness, _)| weight(*likeness)).sum();
+        let share = |shares: &[f32]| {
+            best.iter().map(|&(likeness, key)| weight(likeness) * shares[key]).sum::<f32>() / sum.max(f32::MIN_POSITIVE)
+        };
+        self.shares
+            .iter()
+            .map(|(_, shares)| share(shares))
+            .map(|share| known * ((share + 0.05) / (1.05 - share)).ln())
+            .collect()
+    }
+}
+
+impl Recalled {
+    /// The odds of a label at a pixel, natural logarithm; 0 where nothing is known.
+    pub fn odds(&self, label: LabelId) -> impl Fn(Vec2) -> f32 {
+        let plane = self.odds.iter().find(|(id, _)| *id == label).map(|(_, plane)| plane);
+        move |at| plane.map_or(0.0, |plane| self.description.sample(plane, at))
+    }
+}
+
+/// The keys most alike a cell, with their likeness, the most alike first; of equal ones the first.
+fn most_alike(keys: &[[f32x8; 8]], cell: &[f32x8; 8]) -> Vec<(f32, usize)> {
+    let mut best: Vec<(f32, usize)> = Vec::with_capacity(RECALLED + 1);
+    for (place, key) in keys.iter().enumerate() {
+        let likeness = key.iter().zip(cell).fold(f32x8::ZERO, |sum, (&a, &b)| a.mul_add(b, sum)).reduce_add();
+        if best.len() < RECALLED || likeness > best[RECALLED - 1].0 {
+            let at = best.partition_point(|(other, _)| *other >= likeness);
+            best.insert(at, (likeness, place));
+            best.truncate(RECALLED);
+        }
+    }
+    best
+}
+
+/// The share of each cell's pixels that carry a label.
+fn shares_of(description: &Description, mask: &LabelMask, id: LabelId) -> Vec<f32> {
+    let (width, height) = (mask.width as usize, mask.height as usize);
+    let side = description.cell_px;
+    let share = |cell: usize| {
+        let (left, top) = (cell % description.columns * side, cell / description.columns * side);
+        let (right, bottom) = ((left + side).min(width), (top + side).min(height));
+        let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| y * width + x));
+        let inside = pixels.filter(|&at| mask.ids[at] == id).count();
+        inside as f32 / ((right - left) * (bottom - top)).max(1) as f32
+    };
+    (0..description.values.len()).map(share).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two rows of four cells, each alike only to those of the same number.
+    fn described(numbers: [usize; 8]) -> Arc<Description> {
+        let mut planes = vec![0.0; Description::DIM * 8];
+        numbers.iter().enumerate().for_each(|(cell, number)| planes[number * 8 + cell] = 3.0);
+        Arc::new(Description::of_planes(&planes, (4, 2), (31, 16), 8))
+    }
+
+    #[test]
+    fn what_was_the_objects_is_found_where_it_went_and_the_unknown_is_left_open() {
+        let mut mask = LabelMask::empty(31, 16);
+        (0..8).flat_map(|y| (0..8).map(move |x| (x, y))).for_each(|(x, y)| mask.ids[y * 31 + x] = LabelId(7));
+        let mut memory = Memory::default();
+        memory.learn(&described([1, 2, 2, 2, 3, 3, 4, 4]), &mask);
+        let recalled = memory.recall(&described([2, 2, 2, 1, 3, 3, 9, 4]));
+        let odds = recalled.odds(LabelId(7));
+        assert!(odds(Vec2::new(27.0, 3.0)) > 1.0 && odds(Vec2::new(3.0, 3.0)) < -1.0);
+        assert!(odds(Vec2::new(19.0, 12.0)).abs() < 0.2, "nothing like it was seen");
+        assert_eq!(recalled.odds(LabelId(8))(Vec2::ZERO), 0.0, "no anchor shows this label");
+    }
+
+    #[test]
+    fn a_label_of_a_second_anchor_is_remembered_beside_the_first() {
+        let mut memory = Memory::default();
+        memory.learn(&described([1; 8]), &LabelMask::empty(31, 16));
+        let mut mask = LabelMask::empty(31, 16);
+        mask.ids.fill(LabelId(2));
+        memory.learn(&described([2; 8]), &mask);
+        let recalled = memory.recall(&described([1, 2, 1, 2, 1, 2, 1, 2]));
+        let odds = recalled.odds(LabelId(2));
+        assert!(odds(Vec2::new(3.5, 3.5)) < -2.0 && odds(Vec2::new(11.5, 3.5)) > 2.0);
+    }
+}

@@ -1,0 +1,315 @@
+use glam::{Affine2, Vec2};
+use rayon::prelude::*;
+use wide::f32x8;
+
+use super::picture::Picture;
+use super::plane::{Flow, Plane, corners};
+use ostra_masks::cut::Window;
+
+/// Pixels from the middle of a patch to its side.
+const HALF: usize = 2;
+/// Weights across a patch, a bell; their sum.
+const BELL: [f32; 2 * HALF + 1] = [1.0, 4.0, 6.0, 4.0, 1.0];
+const BELL_SUM: f32 = 16.0;
+/// Difference of colour by which a patch counts less, in units of Lab.
+const SPREAD: f32 = 6.0;
+/// Weight of a and b beside lightness.
+const CHROMA: f32 = 1.5;
+/// Distance by which a patch counts less, as a share of the reach.
+const NEAR: f32 = 0.67;
+/// Patches alike of this weight are half believed.
+const FEW: f32 = 0.1;
+/// What a share of 0 or 1 may still be wrong, for the odds.
+const UNSURE: f32 = 0.05;
+/// Rows of pixels that are worked on together.
+const BAND: usize = 16;
+const LANES: usize = 8;
+
+/// A picture whose mask is known, and where to look in it.
+pub(super) struct Source<'a> {
+    pub picture: &'a Picture,
+    /// How far each of its pixels is the object's, 0–1.
+    pub share: &'a Plane,
+    /// About where a pixel lies in it.
+    pub way: Way<'a>,
+    /// How far from there patches are looked at in each direction, in pixels.
+    pub reach: usize,
+    /// How much its patches count.
+    pub weight: f32,
+}
+
+/// How pixels come to lie in another picture.
+#[derive(Clone, Copy)]
+pub(super) enum Way<'a> {
+    Flow(&'a Flow),
+    Motion(Affine2),
+}
+
+impl Way<'_> {
+    fn place(self, at: Vec2) -> Vec2 {
+        match self {
+            Self::Flow(flow) => at + flow.sample(at),
+            Self::Motion(motion) => motion.transform_point2(at),
+        }
+    }
+}
+
+/// What patches of known pictures say of a pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Vote {
+    /// Share of the object, 0–1.
+    pub share: f32,
+    /// How many patches look like the pixel's, by their weights.
+    pub alike: f32,
+}
+
+impl Vote {
+    /// Natural logarithm of the odds that the pixel is the object's; near 0 where hardly any patch is alike.
+    pub fn odds(self) -> f32 {
+        let known = self.alike / (self.alike + FEW);
+        known * ((self.share + UNSURE) / (1.0 - self.share + UNSURE)).ln()
+    }
+}
+
+/// Lets each pixel of a window take its share of the object from the patches of the sources that look like the one around it
+/// (Rousseau, Habas, Studholme, "A supervised patch-based approach for human brain labeling", IEEE Transactions on Medical
+/// Imaging, 2011), row by row. No motion need be right for a thin part to be found again: among the patches near where it might
+/// have come from, those that show it look like it.
+pub(super) fn votes(picture: &Picture, window: Window, sources: &[Source<'_>]) -> Vec<Vote> {
+    let (width, height) = (window.width().next_multiple_of(LANES), window.height());
+    let target = Planes::of(picture, window, HALF, Way::Motion(Affine2::IDENTITY));
+    let seen: Vec<Planes<4>> = sources.iter().map(|source| Planes::of_source(source, window)).collect();
+    let (mut shares, mut weights) = (vec![0.0f32; width * height], vec![0.0f32; width * height]);
+    let bands = shares.par_chunks_mut(width * BAND).zip(weights.par_chunks_mut(width * BAND));
+    bands.enumerate().for_each(|(band, (shares, weights))| {
+        let mut work = Work::new(width, shares, weights);
+        for (source, seen) in sources.iter().zip(&seen) {
+            work.add(source, &target, seen, band * BAND);
+        }
+    });
+    let rows = shares.chunks_exact(width).zip(weights.chunks_exact(width));
+    let pixels = rows.flat_map(|(shares, weights)| shares.iter().zip(weights).take(window.width()));
+    pixels.map(|(share, &alike)| Vote { share: share / alike.max(f32::MIN_POSITIVE), alike }).collect()
+}
+
+/// Planes of a window with a margin around it: L, a, b, and of a source the share.
+struct Planes<const N: usize> {
+    width: usize,
+    values: [Vec<f32>; N],
+}
+
+impl Planes<3> {
+    /// What the pixels of a window and of a margin around it see in a picture.
+    fn of(picture: &Picture, window: Window, margin: usize, way: Way<'_>) -> Self {
+        Self::seen(picture, window, margin, way, |at| weighed(picture.lab[at]))
+    }
+}
+
+impl Planes<4> {
+    /// The same of a source, as far as it is searched.
+    fn of_source(source: &Source<'_>, window: Window) -> Self {
+        Self::seen(source.picture, window, HALF + source.reach, source.way, |at| {
+            let [l, a, b] = weighed(source.picture.lab[at]);
+            [l, a, b, source.share.values[at]]
+        })
+    }
+}
+
+impl<const N: usize> Planes<N> {
+    fn seen(
+        picture: &Picture,
+        window: Window,
+        margin: usize,
+        way: Way<'_>,
+        values: impl Fn(usize) -> [f32; N] + Sync,
+    ) -> Self {
+        let width = window.width().next_multiple_of(LANES) + 2 * margin;
+        let height = window.height() + 2 * margin;
+        let corner = Vec2::new(window.left as f32, window.top as f32) - margin as f32;
+        let pixel = |at: usize| {
+            let at = way.place(corner + Vec2::new((at % width) as f32, (at / width) as f32));
+            let (corner, weights) = corners(at, picture.width, picture.height);
+            let mut seen = [0.0; N];
+            for (at, weight) in corner.into_iter().zip(weights) {
+                seen.iter_mut().zip(values(at)).for_each(|(seen, value)| *seen += weight * value);
+            }
+            seen
+        };
+        let seen: Vec<[f32; N]> = (0..width * height).into_par_iter().with_min_len(4096).map(pixel).collect();
+        Self { width, values: std::array::from_fn(|channel| seen.iter().map(|seen| seen[channel]).collect()) }
+    }
+
+    /// A row of one plane from a column on.
+    fn row(&self, channel: usize, x: usize, y: usize) -> &[f32] {
+        &self.values[channel][y * self.width + x..(y + 1) * self.width]
+    }
+}
+
+fn weighed([l, a, b]: [f32; 3]) -> [f32; 3] {
+    [l, CHROMA * a, CHROMA * b]
+}
+
+/// The sums of a band of rows and room to work in.
+struct Work<'a> {
+    width: usize,
+    shares: &'a mut [f32],
+    weights: &'a mut [f32],
+    /// Squared differences of pixels, with the margin of a patch.
+    differences: Vec<f32>,
+    column: Vec<f32>,
+}
+
+impl<'a> Work<'a> {
+    fn new(width: usize, shares: &'a mut [f32], weights: &'a mut [f32]) -> Self {
+        let (wide, rows) = (width + 2 * HALF, shares.len() / width);
+        Self { width, shares, weights, differences: vec![0.0; wide * (rows + 2 * HALF)], column: vec![0.0; wide] }
+    }
+
+    /// Adds the patches of a source to the rows from `top` on.
+    fn add(&mut self, source: &Source<'_>, target: &Planes<3>, seen: &Planes<4>, top: usize) {
+        let (reach, weight) = (source.reach, source.weight);
+        let spread = NEAR * reach.max(1) as f32;
+        for dy in 0..=2 * reach {
+            for dx in 0..=2 * reach {
+                let away = Vec2::new(dx as f32, dy as f32) - reach as f32;
+                self.compare(target, seen, top, (dx, dy));
+                let gain = weight.ln() - away.length_squared() / (2.0 * spread * spread);
+                self.weigh(seen, top, (dx, dy), gain);
+            }
+        }
+    }
+
+    /// Squared differences from the pixels that lie `dx` columns and `dy` rows on.
+    fn compare(&mut self, target: &Planes<3>, seen: &Planes<4>, top: usize, (dx, dy): (usize, usize)) {
+        let wide = self.width + 2 * HALF;
+        for (y, out) in self.differences.chunks_exact_mut(wide).enumerate() {
+            let [l, a, b] = [0, 1, 2].map(|channel| &target.row(channel, 0, top + y)[..wide]);
+            let [other_l, other_a, other_b] = [0, 1, 2].map(|channel| &seen.row(channel, dx, top + y + dy)[..wide]);
+            for (x, out) in out.iter_mut().enumerate() {
+                let (l, a, b) = (l[x] - other_l[x], a[x] - other_a[x], b[x] - other_b[x]);
+                *out = l * l + a * a + b * b;
+            }
+        }
+    }
+
+    /// Adds the weights of the patches that lie `dx` columns and `dy` rows on, and with them their shares; `gain` is the
+    /// logarithm of the weight of one that differs in nothing.
+    fn weigh(&mut self, seen: &Planes<4>, top: usize, (dx, dy): (usize, usize), gain: f32) {
+        let wide = self.width + 2 * HALF;
+        let scale = f32x8::splat(-1.0 / (2.0 * SPREAD * SPREAD * BELL_SUM * BELL_SUM));
+        let gain = f32x8::splat(gain);
+        let sums = self.shares.chunks_exact_mut(self.width).zip(self.weights.chunks_exact_mut(self.width));
+        for (y, (share_sums, weight_sums)) in sums.enumerate() {
+            let rows: [&[f32]; BELL.len()] = std::array::from_fn(|k| &self.differences[(y + k) * wide..][..wide]);
+            for (x, out) in self.column[..wide].iter_mut().enumerate() {
+                *out = (0..BELL.len()).map(|k| BELL[k] * rows[k][x]).sum();
+            }
+            let shares = &seen.row(3, dx + HALF, top + y + dy + HALF)[..self.width];
+            let sums = share_sums.chunks_exact_mut(LANES).zip(weight_sums.chunks_exact_mut(LANES));
+            for (x, (share_sums, weight_sums)) in sums.enumerate() {
+                let x = x * LANES;
+                let sum = (0..BELL.len())
+                    .fold(f32x8::ZERO, |sum, k| eight(&self.column[x + k..]).mul_add(f32x8::splat(BELL[k]), sum));
+                let weight = sum.mul_add(scale, gain).exp();
+                let share = weight.mul_add(eight(&shares[x..]), eight(share_sums));
+                share_sums.copy_from_slice(&share.to_array());
+                weight_sums.copy_from_slice(&(eight(weight_sums) + weight).to_array());
+            }
+        }
+    }
+}
+
+fn eight(values: &[f32]) -> f32x8 {
+    let values: [f32; LANES] = std::array::from_fn(|k| values[k]);
+    f32x8::from(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ostra_frames::Image;
+
+    const WIDTH: usize = 45;
+    const HEIGHT: usize = 35;
+    const WHOLE: Window = Window { left: 0, top: 0, right: WIDTH, bottom: HEIGHT };
+
+    /// A red pole two pixels wide before a grainy wall, or hidden behind it.
+    fn picture(pole: usize, is_hidden: bool) -> Picture {
+        let color = |x: usize, y: usize| {
+            let grain = ((x / 2 * 7349) ^ (y / 2 * 9151)).wrapping_mul(0x9E37_79B1) >> 9 & 63;
+            let is_pole = (pole..pole + 2).contains(&x) && !is_hidden;
+            if is_pole { [180, 60, 50] } else { [70 + grain as u8; 3] }
+        };
+        let pixels = (0..WIDTH * HEIGHT).map(|at| color(at % WIDTH, at / WIDTH)).collect();
+        Picture::new(&Image { width: WIDTH as u32, height: HEIGHT as u32, pixels }, (WIDTH, HEIGHT))
+    }
+
+    fn share(pole: Option<usize>) -> Plane {
+        let inside = |x: usize| pole.is_some_and(|pole| (pole..pole + 2).contains(&x));
+        Plane::from_fn(WIDTH, HEIGHT, |x, _| f32::from(u8::from(inside(x))))
+    }
+
+    fn source<'a>(picture: &'a Picture, share: &'a Plane, reach: usize) -> Source<'a> {
+        Source { picture, share, way: Way::Motion(Affine2::IDENTITY), reach, weight: 1.0 }
+    }
+
+    /// How many pixels of the pole at column 21, and how many others, get most of the votes.
+    fn found(votes: &[Vote]) -> (usize, usize) {
+        let is_pole = |at: usize| (21..23).contains(&(at % WIDTH));
+        let inside: Vec<usize> = (0..votes.len()).filter(|&at| votes[at].odds() > 0.0).collect();
+        let own = inside.iter().filter(|&&at| is_pole(at)).count();
+        (own, inside.len() - own)
+    }
+
+    #[test]
+    fn a_pole_of_two_pixels_is_found_where_motion_is_wrong_by_more() {
+        let (before, now) = (picture(18, false), picture(21, false));
+        let share = share(Some(18));
+        assert_eq!(found(&votes(&now, WHOLE, &[source(&before, &share, 4)])), (2 * HEIGHT, 0));
+        let (own, others) = found(&votes(&now, WHOLE, &[source(&before, &share, 0)]));
+        assert!(own == 0 && others > 0, "where nothing is searched, it stays: {own} and {others}");
+    }
+
+    #[test]
+    fn flow_tells_where_to_look() {
+        let (before, now) = (picture(12, false), picture(21, false));
+        let share = share(Some(12));
+        let flow = Flow { width: WIDTH, height: HEIGHT, vectors: vec![Vec2::new(-9.0, 0.0); WIDTH * HEIGHT] };
+        let sources = [Source { way: Way::Flow(&flow), ..source(&before, &share, 1) }];
+        assert_eq!(found(&votes(&now, WHOLE, &sources)), (2 * HEIGHT, 0));
+    }
+
+    #[test]
+    fn what_one_source_hides_the_other_tells() {
+        let (hidden, shown, now) = (picture(0, true), picture(23, false), picture(21, false));
+        let (none, there) = (share(None), share(Some(23)));
+        let sources = [source(&hidden, &none, 4), source(&shown, &there, 4)];
+        assert_eq!(found(&votes(&now, WHOLE, &sources)), (2 * HEIGHT, 0));
+        let blind = votes(&now, WHOLE, &sources[..1]);
+        let middle = blind[HEIGHT / 2 * WIDTH + 21];
+        assert!(middle.odds().abs() < 0.1, "nothing like it was seen: {middle:?}");
+    }
+
+    #[test]
+    fn a_source_of_more_weight_has_more_votes() {
+        let (before, now) = (picture(21, false), picture(21, false));
+        let (none, there) = (share(None), share(Some(21)));
+        let mut sources = [source(&before, &none, 1), source(&before, &there, 1)];
+        sources[1].weight = 3.0;
+        let vote = votes(&now, WHOLE, &sources)[HEIGHT / 2 * WIDTH + 21];
+        assert!((vote.share - 0.75).abs() < 0.01, "{vote:?}");
+    }
+
+    #[test]
+    fn a_part_of_a_picture_gets_the_votes_of_the_whole() {
+        let (before, now) = (picture(18, false), picture(21, false));
+        let share = share(Some(18));
+        let whole = votes(&now, WHOLE, &[source(&before, &share, 3)]);
+        let part = Window { left: 14, top: 9, right: 33, bottom: 31 };
+        let of_part = votes(&now, part, &[source(&before, &share, 3)]);
+        assert_eq!(of_part.len(), part.width() * part.height());
+        for (vote, at) in of_part.iter().zip(part.places(WIDTH)) {
+            assert!((vote.share - whole[at].share).abs() < 1e-4 && (vote.alike - whole[at].alike).abs() < 1e-3);
+        }
+    }
+}

@@ -1,0 +1,158 @@
+use rayon::prelude::*;
+
+use ostra_frames::Image;
+use ostra_masks::onnx::resized_planes;
+use ostra_masks::{LabelId, LabelMask};
+
+/// Pixels along each side of a cell.
+pub(super) const CELL: usize = 16;
+/// Mean and deviation of red, green and blue that the networks were trained with.
+const MEAN: [f32; 3] = [123.675, 116.28, 103.53];
+const DEVIATION: [f32; 3] = [58.395, 57.12, 57.375];
+
+/// The longer side that is shown at most, in pixels: very narrow pictures are shown smaller.
+const LONGEST: usize = 4096;
+
+/// How a picture lies in what the networks see of it: (columns, rows).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Fit {
+    pub picture: (usize, usize),
+    /// The size that it is brought to.
+    shown: (usize, usize),
+    /// With a border up to whole cells.
+    pub padded: (usize, usize),
+    /// Where the upper left of what is shown lies.
+    corner: (usize, usize),
+}
+
+impl Fit {
+    /// Of a picture whose shorter side is shown with so many pixels; with its own where that is `None`.
+    pub fn new(width: u32, height: u32, short_side: Option<u32>) -> Self {
+        let picture = (width as usize, height as usize);
+        let short = picture.0.min(picture.1).max(1);
+        let side = short_side.map_or(short, |side| side as usize);
+        let side = side.min(LONGEST * short / picture.0.max(picture.1).max(1)).max(1);
+        let shown = (side * picture.0 / short, side * picture.1 / short);
+        let padded = (shown.0.next_multiple_of(CELL), shown.1.next_multiple_of(CELL));
+        Self { picture, shown, padded, corner: ((padded.0 - shown.0) / 2, (padded.1 - shown.1) / 2) }
+    }
+
+    /// Columns and rows of cells.
+    pub fn cells(&self) -> (usize, usize) {
+        (self.padded.0 / CELL, self.padded.1 / CELL)
+    }
+
+    /// Pixels that the networks see.
+    pub fn area(&self) -> usize {
+        self.padded.0 * self.padded.1
+    }
+
+    /// The picture as the key encoder takes it, `[3, rows, columns]`.
+    pub fn planes(&self, image: &Image) -> Vec<f32> {
+        let small = resized_planes(&image.pixels, self.picture, self.shown);
+        let mut planes = vec![0.0; 3 * self.area()];
+        let both = planes.chunks_exact_mut(self.area()).zip(small.chunks_exact(self.shown.0 * self.shown.1));
+        for (channel, (plane, small)) in both.enumerate() {
+            for (out, row) in self.rows(plane).zip(small.chunks_exact(self.shown.0)) {
+                out.iter_mut().zip(row).for_each(|(out, v)| *out = (v - MEAN[channel]) / DEVIATION[channel]);
+            }
+        }
+        planes
+    }
+
+    /// Where the mask shows each label: 1 there, 0 elsewhere, `[labels][rows][columns]`. Each pixel takes what lies at its
+    /// upper left, as the official code has it; a label that none would take keeps the pixel that its first one lies in.
+    pub fn one_hot(&self, mask: &LabelMask, labels: &[LabelId]) -> Vec<f32> {
+        let mut maps = vec![0.0; labels.len() * self.area()];
+        let from = |at: usize, shown: usize, picture: usize| at * picture / shown;
+        for (map, &label) in maps.chunks_exact_mut(self.area()).zip(labels) {
+            for (y, out) in self.rows(map).enumerate() {
+                let row = &mask.ids[from(y, self.shown.1, self.picture.1) * self.picture.0..][..self.picture.0];
+                let is_there = |x: usize| row[from(x, self.shown.0, self.picture.0)] == label;
+                out.iter_mut().enumerate().for_each(|(x, out)| *out = f32::from(u8::from(is_there(x))));
+            }
+            let is_lost = !map.contains(&1.0);
+            if let Some(first) = mask.ids.iter().position(|&id| id == label).filter(|_| is_lost) {
+                let (x, y) = (first % self.picture.0, first / self.picture.0);
+                let at = (x * self.shown.0 / self.picture.0, y * self.shown.1 / self.picture.1);
+                map[(self.corner.1 + at.1) * self.padded.0 + self.corner.0 + at.0] = 1.0;
+            }
+        }
+        maps
+    }
+
+    /// Maps `[any][rows][columns]` of what the networks see, at the size of the picture, between pixels linearly.
+    pub fn enlarged(&self, maps: &[f32]) -> Vec<f32> {
+        let (columns, rows) = (between(self.picture.0, self.shown.0), between(self.picture.1, self.shown.1));
+        let mut out = vec![0.0; maps.len() / self.area() * self.picture.0 * self.picture.1];
+        out.par_chunks_mut(self.picture.0).enumerate().for_each(|(line, out)| {
+            let map = &maps[line / self.picture.1 * self.area()..][..self.area()];
+            let (upper, below) = rows[line % self.picture.1];
+            let row = |at: usize| &map[(self.corner.1 + at) * self.padded.0 + self.corner.0..][..self.shown.0];
+            let (first, second) = (row(upper), row((upper + 1).min(self.shown.1 - 1)));
+            for (out, &(left, right)) in out.iter_mut().zip(&columns) {
+                let next = (left + 1).min(self.shown.0 - 1);
+                let across = |row: &[f32]| row[left] + right * (row[next] - row[left]);
+                *out = across(first) + below * (across(second) - across(first));
+            }
+        });
+        out
+    }
+
+    /// The rows of a map that show the picture.
+    fn rows<'a>(&self, map: &'a mut [f32]) -> impl Iterator<Item = &'a mut [f32]> + use<'a> {
+        let (corner, shown) = (self.corner, self.shown);
+        let rows = map.chunks_exact_mut(self.padded.0).skip(corner.1).take(shown.1);
+        rows.map(move |row| &mut row[corner.0..][..shown.0])
+    }
+}
+
+/// By one of `to` samples the first of the two of `from` that lie around it, and the weight of the second.
+fn between(to: usize, from: usize) -> Vec<(usize, f32)> {
+    let one = |at: usize| {
+        let place = ((at as f64 + 0.5) * from as f64 / to as f64 - 0.5).max(0.0);
+        let first = (place as usize).min(from - 1);
+        (first, (place - first as f64) as f32)
+    };
+    (0..to).map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_those_of_the_official_code() {
+        let fit = Fit::new(960, 540, Some(480));
+        assert_eq!((fit.shown, fit.padded, fit.corner), ((853, 480), (864, 480), (5, 0)));
+        let fit = Fit::new(300, 401, None);
+        assert_eq!((fit.shown, fit.padded, fit.corner), ((300, 401), (304, 416), (2, 7)));
+        assert_eq!(Fit::new(90, 60, Some(72)).cells(), (7, 5));
+    }
+
+    #[test]
+    fn label_smaller_than_a_pixel_is_not_lost() {
+        let mut mask = LabelMask::empty(100, 100);
+        (mask.ids[33 * 100 + 57], mask.ids[0]) = (LabelId(3), LabelId(4));
+        let fit = Fit::new(100, 100, Some(32));
+        let maps = fit.one_hot(&mask, &[LabelId(3), LabelId(4), LabelId(5)]);
+        let there: Vec<Vec<usize>> =
+            maps.chunks(32 * 32).map(|map| (0..1024).filter(|&at| map[at] > 0.0).collect()).collect();
+        assert_eq!(there, [vec![10 * 32 + 18], vec![0], vec![]]);
+    }
+
+    #[test]
+    fn a_map_at_the_picture_s_size_is_the_picture_again() {
+        // A ramp stays a ramp: no shift of half a pixel, no border.
+        let fit = Fit::new(90, 60, Some(30));
+        let mut map = vec![99.0; fit.area()];
+        for (y, row) in fit.rows(&mut map).enumerate() {
+            row.iter_mut().enumerate().for_each(|(x, value)| *value = 2.0 * (x as f32 + 0.5) + 4.0 * (y as f32 + 0.5));
+        }
+        let found = fit.enlarged(&map);
+        for (x, y) in [(1, 1), (44, 30), (88, 58)] {
+            let expected = (f64::from(x) + 0.5) + 2.0 * (f64::from(y) + 0.5);
+            assert!((f64::from(found[(y * 90 + x) as usize]) - expected).abs() < 1e-4, "{x} {y}");
+        }
+    }
+}
